@@ -86,6 +86,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "V/(A s)": ("gain integral", 1.0),
     "V s/A": ("inductance", 1.0),
     "degC": ("temperature", 1.0),
+    "K": ("temperature difference", 1.0),
     "1/K": ("per temperature", 1.0),
     "%/K": ("per temperature", 0.01),
     "J/K": ("heat capacity", 1.0),

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Mapping
     from pathlib import Path
+    from typing import Any
 
     from ..rig import Catalogue, RigConfig, Signal, Topic
 
@@ -37,6 +38,7 @@ WHAT = {
         "--set NAME=VALUE, ./rig set NAME VALUE",
     ),
     "trips": ("limits at which a rig goes into its safe state, with delay, reaction and source", "--set trips.NAME.limit=VALUE"),
+    "faults": ("what can fail of a rig, with size, unit and what one sees of it", "./rig simulate demo --fault NAME"),
     "parts": ("types of devices with unit and range of each value", "part: NAME in a rig's rig.yaml"),
     "topics": ("ROS topics of a rig with type, node and rate", "./rig replay RUN --topics NAME"),
     "metrics": ("results of a shift with unit, meaning and where they are shown", "./rig report RUN --limit 'NAME=.. VALUE'"),
@@ -54,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rig",
         metavar="NAME",
         help="rig, its folder or .yaml file: only its sequences and procedures (default: "
-        f"all); whose devices, settings, trips, topics and signals (default: {DEFAULT_RIG})",
+        f"all); whose devices, settings, trips, faults, topics and signals (default: {DEFAULT_RIG})",
     )
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", nargs="?", const=STDOUT, choices=(STDOUT,), metavar=STDOUT, help="for programs, to stdout")
@@ -242,6 +244,34 @@ def _metrics() -> list[dict[str, str]]:
     ]
 
 
+def _faults(rig: str | None) -> list[dict[str, Any]]:
+    from ..base import shown_in
+    from ..rig import faults_of
+
+    rows = []
+    for one in faults_of(_known(rig)).values():
+        fault, size = one.fault, one.fault.size
+        unit, factor = shown_in(size.quantity) if size else ("", 1.0)
+        rows.append(
+            {
+                "name": one.name,
+                "part": fault.part,
+                "of it": fault.sub,
+                "what": fault.text,
+                "size": size.text if size else "",
+                "unit": unit,
+                "range": f"{_number(size.low / factor)} to {_number(size.high / factor)}" if size else "",
+                "usual": _number(size.usual / factor) if size else "",
+                "onset": fault.onset,
+                "one sees": fault.sign,
+                "spn": one.spn,
+                "fmi": fault.fmi,
+                "refused": one.lacking,
+            }
+        )
+    return rows
+
+
 def _parts() -> list[dict[str, str]]:
     from ..rig import rows_of_parts
 
@@ -264,6 +294,7 @@ OF_A_RIG = {
     "trips": _trips,
     "topics": _topics,
     "signals": _signals,
+    "faults": _faults,
 }
 
 

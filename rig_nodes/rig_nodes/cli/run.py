@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base import STARTING, BagError, RigError, ended_by, optional, printable, quoted, waiting
-from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, controller_of, exit_code
+from .run_arguments import above_zero, add_recording_arguments, add_shared_arguments, controller_of, exit_code, settings_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -77,7 +77,6 @@ def run(args: argparse.Namespace) -> int:
         check_level,
         load_sequence,
         parse_parameters,
-        parse_settings,
         run_folder,
         run_record,
         unless_empty,
@@ -89,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     if parameters and not args.sequence:
         raise RigError("--with gives values to a sequence's parameters; name the sequence too")
     rig = args.rig or rig_of(args.sequence, DEFAULT_RIG)
-    config = load_rig(rig, parse_settings(args.settings))
+    config = load_rig(rig, settings_of(args, rig))
     sequence = load_sequence(args.sequence, parameters, rig, DEFAULT_RIG, config) if args.sequence else BY_HAND
     sequence.check_rig(config)
     parse_drop(args.drop, config.catalogue)

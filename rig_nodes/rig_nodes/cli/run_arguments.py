@@ -10,6 +10,7 @@ import math
 import sys
 from typing import NamedTuple
 
+from ..base import RigError
 from .shared_arguments import add_list, add_set
 
 LOST = 3  # exit code of a run that was completed but lost messages or time
@@ -84,6 +85,15 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
         dest="settings",
         help="let the rig go on beyond the limits of `rig list trips`, to see what breaks; every report of the run says so",
     )
+    parser.add_argument("--faults", action="store_true", help="enable faults, for a sequence's steps and orders over ROS")
+    add_list(
+        parser,
+        "--fault",
+        "NAME",
+        "fault",
+        'a fault and how it sets in, e.g. "valve_zr_p1.stuck, at=8 s" (./rig list faults); a set of them, faults/NAME.yaml; or '
+        "random, drawn by the seed; enables faults",
+    )
     add_list(parser, "--with", "NAME=VALUE", "parameters", 'give a parameter of the sequence a value, e.g. speed="1500 rpm"')
     parser.add_argument(
         "--controller",
@@ -117,6 +127,32 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
         action="store_true",
         help="exit code 1 also when a shift of the report is not valid, e.g. for tests of a controller",
     )
+
+
+def settings_of(args: argparse.Namespace, rig: str) -> dict[str, str]:
+    """Return the changed values of --set, with the faults of --faults and --fault among them.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The arguments.
+    rig : str
+        The rig, whose sets of faults --fault may name.
+
+    Raises
+    ------
+    RigError
+        When a value is given twice, or there is no such set.
+    """
+    from ..rig import FAULTS, orders_by_name
+    from ..runs import parse_settings
+
+    settings = parse_settings(args.settings)
+    if args.faults or args.fault:
+        if FAULTS in settings:
+            raise RigError(f"--set {FAULTS} and --fault or --faults say the same; give one of them")
+        settings[FAULTS] = orders_by_name(args.fault, rig, args.seed, settings)
+    return settings
 
 
 def add_in_process(parser: argparse.ArgumentParser) -> None:

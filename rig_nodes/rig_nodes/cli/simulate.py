@@ -9,7 +9,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from ..base import printable, quoted
-from .run_arguments import add_shared_arguments, controller_of, exit_code
+from .run_arguments import add_shared_arguments, controller_of, exit_code, settings_of
 
 if TYPE_CHECKING:
     import argparse
@@ -29,11 +29,11 @@ def main(args: argparse.Namespace) -> int:
     from ..base import DEFAULT_RIG, interrupted_code, rig_of
     from ..controllers import embedded_line, level_line, load_controller
     from ..rig import load_rig
-    from ..runs import Ordered, check_controller, check_level, load_sequence, parse_parameters, parse_settings, run_folder
+    from ..runs import Ordered, check_controller, check_level, load_sequence, parse_parameters, run_folder
 
     args.controller = controller_of(args.controller, args.in_process)
     rig = args.rig or rig_of(args.sequence, DEFAULT_RIG)
-    config = load_rig(rig, parse_settings(args.settings))
+    config = load_rig(rig, settings_of(args, rig))
     sequence = load_sequence(args.sequence, parse_parameters(args.parameters), rig, DEFAULT_RIG, config)
     sequence.check_rig(config)
     controller = None

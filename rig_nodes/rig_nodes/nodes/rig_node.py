@@ -11,6 +11,7 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING, Any
 
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rig_msgs.msg import Event
 from std_srvs.srv import Trigger
 
@@ -23,9 +24,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import numpy as np
+    from rclpy.parameter import Parameter
 
     from ..runs import Rig
     from .commands import Commands
+
+
+RIG, FAULT = "rig", "fault"  # name of the node, and its parameter that takes orders of faults
 
 
 class RigNode(Device):
@@ -37,7 +42,7 @@ class RigNode(Device):
         In lockstep they arrive through the controller's link, and the topic only shows them. A rig without a shift controller
         has none.
         """
-        super().__init__("rig", rig, commands)
+        super().__init__(RIG, rig, commands)
         self.rig = rig
         if valve_commands:
             self.inputs[CONTROLLER_COMMAND] = receive(
@@ -48,6 +53,10 @@ class RigNode(Device):
         self._seq: int | None = None  # of the newest valve command
         self.create_service(Trigger, "~/e_stop", self.on_e_stop)
         self.create_service(Trigger, "~/reset", self.on_reset)
+        if rig.faults is not None:
+            text = "Order of a fault or its end, as --fault of ./rig run takes it"
+            self.declare_parameter(FAULT, "", ParameterDescriptor(name=FAULT, description=text), ignore_override=True)
+            self.add_on_set_parameters_callback(self.on_fault)
 
     def on_valve_command(self, message: np.void) -> None:
         """Enqueue the answer to one controller sample, and record the commands before it that did not arrive."""
@@ -89,6 +98,17 @@ class RigNode(Device):
             if senders < 2:
                 raise
             raise RigError(f"{error}; {senders} nodes send it, and the first answer to a sample counts") from None
+
+    def on_fault(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Answer an order of a fault when the rig has checked it, and enqueue it."""
+        try:
+            for one in parameters:
+                if one.name == FAULT and one.value:
+                    self.rig.faults.check(str(one.value))
+                    self.commands.put(f"/{RIG}/set_parameters", self.rig.order_fault, str(one.value))
+        except RigError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
     def on_e_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Do the emergency stop before all other commands; it holds until the reset."""

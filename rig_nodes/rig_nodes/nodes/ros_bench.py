@@ -25,6 +25,7 @@ from ..runs import Sequence, SequenceFailed
 from .device import publishers_of
 from .message_class import message_class
 from .qos import recorder_profile
+from .rig_node import FAULT, RIG
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,7 +79,9 @@ class RosBench:
         if any(step.by_torque for step in sequence.steps):
             names.add(self.config.structure.output.speed)
         self.needed = names
-        for owner in {step.setting.partition(".")[0] for step in sequence.steps if step.setting} - self._setters.keys():
+        owners = {step.setting.partition(".")[0] for step in sequence.steps if step.setting}
+        owners |= {RIG for step in sequence.steps if step.fault}
+        for owner in owners - self._setters.keys():
             self._setters[owner] = self.node.create_client(SetParameters, f"/{owner}/set_parameters")
         if self.in_lockstep:
             return
@@ -182,14 +185,20 @@ class RosBench:
         """Send a setting [SI] as the parameter of its node; ``changed`` reports the result."""
         owner, _, key = name.partition(".")
         switch = name in self.config.settings and self.config.settings[name].dimension == SWITCH
-        parameter = Parameter(key, value=value != 0.0 if switch else float(value)).to_parameter_msg()
-        self._setting = self._setters[owner].call_async(SetParameters.Request(parameters=[parameter]))
+        self._ask(owner, Parameter(key, value=value != 0.0 if switch else float(value)))
+
+    def fault(self, order: str) -> None:
+        """Send an order of a fault as the parameter of the rig's node; ``changed`` reports the result."""
+        self._ask(RIG, Parameter(FAULT, value=order))
+
+    def _ask(self, owner: str, parameter: Parameter) -> None:
+        self._setting = self._setters[owner].call_async(SetParameters.Request(parameters=[parameter.to_parameter_msg()]))
         self._setting.add_done_callback(lambda future: self.node.wake())
         if self.in_lockstep:
             self.node.process.executor.spin_until_future_complete(self._setting, ANSWER_TIMEOUT)
 
     def changed(self) -> bool:
-        """Return whether the newest setting has its value; SequenceFailed with the reason when it was refused."""
+        """Return whether the newest setting, or order of a fault, was taken; SequenceFailed with the reason when it was refused."""
         if not self._setting.done():
             return False
         (result,) = self._setting.result().results

@@ -39,6 +39,7 @@ from ..plant import part as parts
 from .alfa46 import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values, read_alfa46
 from .cross_checks import cross_check
 from .driveline import inertias_of
+from .faults import FAULTS, orders_of
 from .prescribed import Prescribed, read_prescribed
 from .read import DEVICE_KEYS, KEYS, read_structure
 from .read_elements import GROUPS
@@ -81,6 +82,8 @@ class RigConfig:
         Devices outside the plant, which are reached through topics (plant.engine.outside).
     prescribed : Prescribed or None
         Clutch pressures that are prescribed; None when valves make them.
+    faults : tuple of str or None
+        Orders of faults with which a run begins (rig.faults); None while faults are disabled.
     description : str
         One line of text about the rig.
     trip_values : mapping of str to float
@@ -100,6 +103,7 @@ class RigConfig:
     cut: CutConfig = CutConfig(SAMPLE)  # noqa: RUF009, it cannot be changed
     cut_out: tuple[str, ...] = ()
     prescribed: Prescribed | None = None
+    faults: tuple[str, ...] | None = None
     description: str = ""
     trip_values: Mapping[str, float] = field(default_factory=dict)
     trips_watched: bool = True
@@ -223,6 +227,8 @@ class RigConfig:
             out["prescribed"] = self.prescribed.as_dict()
         if self.trip_values or not self.trips_watched:
             out[TRIPS] = {**self.trip_values, **({} if self.trips_watched else {WATCHED: False})}
+        if self.faults is not None:
+            out[FAULTS] = list(self.faults)
         if self.alfa46:
             out |= {"wiring": list(self.wiring), "alfa46": self.alfa46.as_dict()}
         return {"name": self.name, "structure": self.structure.plain(), **out}
@@ -312,7 +318,7 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
         cut,
         cut_out,
         prescribed,
-        node["description"],
+        description=node["description"],
     )
     try:
         config.catalogue  # noqa: B018, made now, where a wrong signal has a line
@@ -548,6 +554,8 @@ def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool 
             if text != "swapped" or len(config.wiring) != 2:
                 raise RigError(f"{where}: the only other wiring is 'swapped', of a rig with two valves")
             config = replace(config, wiring=config.wiring[::-1])
+        elif key == FAULTS:
+            continue  # they are checked against what the rig has become
         elif name == "source" and part in {device.name for device in structure.devices} | set(NOT_DEVICES):
             config = replace(config, cut_out=_with_source(structure, config.cut_out, part, text, where))
         else:
@@ -558,6 +566,8 @@ def with_overrides(config: RigConfig, overrides: dict[str, str], together: bool 
         if (point := key.rpartition(".")[0]) in changes:
             raise RigError(f"{point} is set as a whole and in part; give one of them")
     config = config.with_values(changes)
+    if (text := overrides.get(FAULTS)) is not None:
+        config = replace(config, faults=orders_of(config, text, f"setting {FAULTS}"))
     if overrides and together:
         cross_check(
             config,

@@ -40,6 +40,9 @@ class Quantity:
     gauge: bool = False
 
 
+# name of a quantity -> name of its dimension in base.units, where they differ
+DIMENSIONS = {"volume flow": "volume flow", "electric current": "current"}
+
 QUANTITIES = {
     "torque": Quantity("torque", "N.m", "Nm", 1.0, "positive when it drives"),
     "speed": Quantity("angular velocity", "rad/s", "rpm", 30.0 / pi, "positive in the driving direction"),

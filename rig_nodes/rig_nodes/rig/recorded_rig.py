@@ -19,6 +19,7 @@ from ..plant import Force
 from ..plant import part as parts
 from .alfa46 import OUTPUT_KEYS, Alfa46Config, Alfa46Values
 from .configuration import NoValues, RigConfig
+from .faults import FAULTS
 from .prescribed import OUTPUT_SPEEDS, Prescribed
 from .sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, with_written
 from .structure import structure_of
@@ -85,6 +86,7 @@ def _config(record: Mapping) -> RigConfig:
         CutConfig(**cut),
         cut_out,
         _prescribed(record.get("prescribed")),
+        tuple(record[FAULTS]) if FAULTS in record else None,
         trip_values=trips,
         trips_watched=watched,
     )

@@ -22,7 +22,7 @@ from .rerun import check_whole as check_whole, different_topics as different_top
 from .rig import Rig as Rig
 from .rig_base import RigStatus as RigStatus
 from .run_file import Ordered as Ordered, read_run as read_run, write_run as write_run
-from .sequence import BY_HAND as BY_HAND, DIMENSIONS as DIMENSIONS, Sequence as Sequence, load_sequence as load_sequence
+from .sequence import BY_HAND as BY_HAND, Sequence as Sequence, load_sequence as load_sequence
 from .sequence_runner import SequenceFailed as SequenceFailed, SequenceRunner as SequenceRunner
 from .simulation import check_controller as check_controller, check_delay as check_delay, give_answer as give_answer, run_record as run_record, simulate as simulate
 from .session import ORDER as ORDER, Session as Session

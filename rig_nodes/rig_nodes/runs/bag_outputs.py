@@ -84,7 +84,8 @@ class BagOutputs(Outputs):
         if self.by_samples or self._now < 1:  # at its first sample the rig says that it is ready
             return 1
         samples = TICK_SAMPLES if self._at_ticks else LENGTH
-        return samples - self._now % samples
+        room, faults = samples - self._now % samples, self.rig.faults
+        return room if faults is None else min(room, max(1, faults.next - self._now))
 
     def boundary(self) -> None:
         """Take what is due now and since the last call; called at time 0 and after each move of at most :attr:`room` samples.
@@ -110,6 +111,7 @@ class BagOutputs(Outputs):
             self._answered = answered
             self._commands.append((sample, answered, self.states.command()))
         self._watch_status()
+        self._watch_faults()
         if self._queued or rig.cuts.devices:
             self._put(UNFORESEEN, self._unforeseen())
         if sample % TICK_SAMPLES == 0:

@@ -23,9 +23,10 @@ from .rig_base import RigBase
 from .trips import BAD_CONTROLLER
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from ..rig import RigConfig
+    from .faults import Faults
 
 
 def check_level(config: RigConfig, level: str | None) -> None:
@@ -69,6 +70,8 @@ class CommandedRig(RigBase):
         Names of the valves.
     valves : list
         Their records.
+    faults : Faults or None
+        Its faults; None while they are disabled.
     idle_command : str
         Why the newest command was taken but does not act; empty when it acts.
     """
@@ -80,6 +83,7 @@ class CommandedRig(RigBase):
     delay: int
     valve_names: tuple[str, ...]
     valves: list[np.void]
+    faults: Faults | None
 
     @property
     @abstractmethod
@@ -99,7 +103,9 @@ class CommandedRig(RigBase):
         self._duty, self._wiring = np.zeros(outputs), list(config.wiring)
         self._nothing = (0.0,) * outputs  # a command that asks for no output
         self._to_come: deque[tuple] = deque()  # commands that do not act yet: boundary, function, values
-        self._last_command = -1  # sample that the newest valid command from outside answers
+        self._last_command = (
+            self._arrived
+        ) = -1  # samples that the newest valid command from outside, and the newest to arrive, answer
         self._held_open = False  # True after a reset: no command acts until the controller has been in neutral
         self.idle_command = ""
         self._ordered: int | None = None  # gear that the embedded controller takes at its next sample
@@ -117,8 +123,9 @@ class CommandedRig(RigBase):
 
     @property
     def command_age(self) -> float:
-        """Simulated time [s] since the sample that the newest command answers; 0 before the first command."""
-        return (self.sample - self.newest_command) * (SAMPLE_NS * 1e-9) if self.newest_command >= 0 else 0.0
+        """Simulated time [s] since the sample that the newest command to arrive answers; 0 before the first command."""
+        newest = self.newest_command if self.embedded else self._arrived
+        return (self.sample - newest) * (SAMPLE_NS * 1e-9) if newest >= 0 else 0.0
 
     def _silence(self) -> str:
         return f"valve commands older than {COMMAND_TIMEOUT * 1e3:.0f} ms: {self._trouble or 'the shift controller is silent'}"
@@ -228,7 +235,7 @@ class CommandedRig(RigBase):
         self._duty[:], self._setpoint[:] = duty, setpoint
         self._gear, self._shifting = int(gear), bool(shifting)
         self.watched.says(self._gear, self._shifting)
-        self._to_come.append((sample + self.delay, self._act_duty, duty if self._may_act("duty", values) else self._nothing))
+        self._send(sample, self._act_duty, duty if self._may_act("duty", values) else self._nothing, 1.0)
         self._act_due()
 
     def _act_duty(self, duty: list[float]) -> None:
@@ -268,8 +275,17 @@ class CommandedRig(RigBase):
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
         self.watched.says(self._gear, self._shifting)
         current, held = (values, int(flags)) if self._may_act("current", values) else (self._nothing, 0)
-        self._to_come.append((sample + self.delay, self._act_current, current, held))
+        self._send(sample, self._act_current, current, limit, held)
         self._act_due()
+
+    def _send(self, sample: int, act: Callable[..., None], values: Sequence[float], most: float, *more: int) -> None:
+        """Have a command act at its boundary, or as faults of the messages let it arrive."""
+        arrives = [(sample + self.delay, values)]
+        if self.faults is not None:
+            arrives = self.faults.carried(sample + self.delay, sample, values, most)
+        if arrives:
+            self._arrived = int(sample)
+        self._to_come.extend((boundary, act, one, *more) for boundary, one in arrives)
 
     def _act_current(self, setpoint: list[float], flags: int) -> None:
         for k, value in enumerate(setpoint):

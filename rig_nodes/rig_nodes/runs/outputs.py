@@ -102,6 +102,7 @@ class Outputs:
             self._answered = answered
             yield self._message(CONTROLLER_COMMAND, answered * SAMPLE_NS, *self.states.command())
         self._watch_status()
+        self._watch_faults()
         if self._queued or rig.cuts.devices:
             yield from self._unforeseen()
         for topic, fields in self.states.each_sample():
@@ -172,6 +173,11 @@ class Outputs:
         self.counts[topic] = seq + 1
         self._readings.fields[topic] = values
         return topic, stamp, encode(stamp, seq, *values)
+
+    def _watch_faults(self) -> None:
+        if self.rig.faults is not None:
+            for news in self.rig.faults.take_news():
+                self.event("/rig/events", news.name, news.text, news.value)
 
     def _watch_status(self) -> None:
         for stamp, sentence, value in self.rig.warnings:

@@ -21,9 +21,10 @@ from ..controllers import LEVELS, record_of
 from ..plant import BY_DUTY, BY_LAW, BY_SETPOINT
 from ..plant import alfa46_law as law
 from ..plant import part as parts
-from ..rig import CONTROLLER, Alfa46Config, RigConfig, Setpoint, Setting, beyond_alfa46, check_gains
+from ..rig import CONTROLLER, Alfa46Config, RigConfig, Setpoint, Setting, beyond_alfa46, check_enabled, check_gains
 from .commanded_rig import CommandedRig, check_level
 from .cuts import Cuts
+from .faults import Faults
 from .gauges import Gauges
 from .plan import plan_of
 from .rig_base import RigStatus
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 # plain values of a rig's state
 VALUES = (
     *("sample", "config", "level", "reason", "tripped_by", "stopped_by_person", "idle_command"),
-    *("_by", "_gear", "_shifting", "_flags", "_silent", "_trouble", "_last_command", "_held_open", "_ordered"),
+    *("_by", "_gear", "_shifting", "_flags", "_silent", "_trouble", "_last_command", "_arrived", "_held_open", "_ordered"),
 )
 
 
@@ -48,6 +49,11 @@ def _channel(setting: Setting) -> str:
 
 class Rig(CommandedRig, ShownState):
     """A rig that is made from its configuration.
+
+    Attributes
+    ----------
+    faults : Faults or None
+        Its faults; None while they are disabled.
 
     Parameters
     ----------
@@ -107,6 +113,7 @@ class Rig(CommandedRig, ShownState):
         self._by = BY_LAW if self.embedded else BY_SETPOINT if level == "current" else BY_DUTY
         self.cuts = Cuts(self, devices == "embedded")
         self.delay = delay
+        self.faults = Faults(self) if config.faults is not None else None
 
     def _build(self) -> None:
         config, structure = self.config, self.config.structure
@@ -160,10 +167,14 @@ class Rig(CommandedRig, ShownState):
 
     def _advance_acting(self, samples: int) -> bool:
         """Move by samples and let every command act at its boundary; False when the plant trips the rig before the end."""
-        end = self.sample + samples
+        end, faults = self.sample + samples, self.faults
         while self.sample < end:
             self._act_due()
-            if not self.move(min(end, self._to_come[0][0] if self._to_come else end) - self.sample):
+            upto = min(end, self._to_come[0][0] if self._to_come else end)
+            whole = self.move((upto if faults is None else min(upto, faults.next)) - self.sample)
+            if faults is not None:
+                faults.act()
+            if not whole:
                 return False
         return True
 
@@ -221,17 +232,33 @@ class Rig(CommandedRig, ShownState):
             target, on = (now[getattr(setting.setpoint.command, what)] for what in ("target", "enabled"))
             self.set(setting.setpoint.step, *((target, bool(value)) if setting.dimension == SWITCH else (value, bool(on > 0.0))))
         elif setting.state:
-            self.device(setting.owner)[setting.state] = value
+            shifted = self.faults.shifted(setting.owner, setting.state) if self.faults is not None else 0.0
+            self.device(setting.owner)[setting.state] = value + shifted
             self.config = self.config.with_values({name: float(value)})
         elif setting.owner == CONTROLLER:
             if not self.embedded:
                 raise RigError(f"{name} is the shift controller's, and not the rig's to change")
             check_gains(self.level, [setting.key])
             self.set_controller(self.config.with_values({name: value}).alfa46)
-        elif setting.dimension == SWITCH:
-            self.gauges.switch(bool(value))
         else:
-            self.gauges.set_noise(_channel(setting), value)
+            if self.faults is not None:
+                self.faults.lift()
+            if setting.dimension == SWITCH:
+                self.gauges.switch(bool(value))
+            else:
+                self.gauges.set_noise(_channel(setting), value)
+            if self.faults is not None:
+                self.faults.apply()
+
+    def order_fault(self, text: str) -> None:
+        """Take an order of a fault as rig.faults.read_fault reads it; RigError when it is refused, or faults are disabled."""
+        check_enabled(self.config, "fault refused")
+        self.faults.order(text)
+
+    def swap_wires(self, name: str, other: str) -> None:
+        """Exchange the wires of two transducers."""
+        places, source = [self.channels.index(name), self.channels.index(other)], self._shown["source"][0]
+        source[places] = source[places[::-1]]
 
     def value(self, name: str) -> bool | float:
         """Return the value [SI], as it was last set, of a setting that can be changed while the rig runs."""
@@ -278,7 +305,7 @@ class Rig(CommandedRig, ShownState):
         self.reason, self.tripped_by, self.stopped_by_person = "", "", False
         self.watched.reset()
         self._silent, self._trouble = False, ""
-        self._last_command = -1
+        self._last_command = self._arrived = -1
         self._to_come.clear()
         for valve in self.valves:
             valve["pending"] = 0.0
@@ -428,7 +455,9 @@ class Rig(CommandedRig, ShownState):
 
     def snapshot(self) -> Snapshot:
         """Return the present state, for :meth:`restore`."""
-        return Snapshot(
+        if self.faults is not None:
+            self.faults.lift()
+        now = Snapshot(
             self._first,
             self._made,
             {name: getattr(self, name) for name in VALUES},
@@ -436,7 +465,11 @@ class Rig(CommandedRig, ShownState):
             (*(one.copy() for one in self._arrays()), self._log[self._places()]),
             (self.gauges.on, self.gauges.changes),
             self.cuts.snapshot(),
+            self.faults.snapshot() if self.faults is not None else (),
         )
+        if self.faults is not None:
+            self.faults.apply()
+        return now
 
     def restore(self, snapshot: Snapshot) -> None:
         """Return to a state in which a rig of the same configuration and seed was; older rows are lost.
@@ -452,6 +485,8 @@ class Rig(CommandedRig, ShownState):
             When the snapshot is of a rig that was made from something else.
         """
         snapshot.check_fits(self._first, self._made)
+        if self.faults is not None:
+            self.faults.lift()
         for name, value in snapshot.values.items():
             setattr(self, name, value)
         self._to_come = deque((boundary, getattr(self, act), *values) for boundary, act, *values in snapshot.to_come)
@@ -462,6 +497,8 @@ class Rig(CommandedRig, ShownState):
         self.gauges.on, self.gauges.changes = snapshot.noise
         self.cuts.restore(snapshot.cuts)
         self._drained = 0
+        if self.faults is not None:
+            self.faults.restore(snapshot.faults)
 
     def set_controller(self, settings: Alfa46Config) -> None:
         """Give the embedded controller other settings from the next sample on; a profile that is running takes its new points."""

@@ -32,7 +32,7 @@ from ..base import (
     with_bases,
 )
 from ..plant import most_torque
-from ..rig import CONTROLLER, OWN, RigConfig, Setting, load_rig
+from ..rig import CONTROLLER, DIMENSIONS, OWN, RigConfig, Setting, check_enabled, load_rig, read_fault
 from .filled import LONGEST, Filled
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 KEYS = ("description", "rig", "parameters", "ready", "steps")  # of a sequence's file
 DEFAULT_TIMEOUT = 30.0
 LONGEST_TIME = 86_400.0  # s of one wait
-# name of a quantity in the catalogue -> name of its dimension in base.units
-DIMENSIONS = {"volume flow": "volume flow", "electric current": "current"}
 
 
 @dataclass(frozen=True)
@@ -68,6 +66,7 @@ class Step:
     timeout: float = DEFAULT_TIMEOUT
     condition: Condition | None = None
     setting: str = ""
+    fault: str = ""  # order of a fault
     loops: dict[str, str] = field(default_factory=dict)
 
 
@@ -121,6 +120,9 @@ class Sequence:
         """
         gears = config.transmission.names if config.structure.gears else {}
         for step in self.steps:
+            if step.fault:
+                check_enabled(config, f"{step.where}: fault refused")
+                read_fault(config, step.fault, step.where)
             of_rig = (
                 ("device", step.kind, config.settings.steps)
                 if step.kind not in _OTHER_STEPS
@@ -409,6 +411,15 @@ def _set(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Ste
     return steps
 
 
+def _fault(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
+    """Read an order of a fault."""
+    if not isinstance(body, dict) or "name" not in body:
+        raise RigError(f"{where}: fault takes a map with the name of the fault, e.g. {{name: oil_supply.air, size: 5 %}}")
+    check_enabled(config, f"{where}: fault refused")
+    order = read_fault(config, body, where)
+    return [Step("fault", f"fault {order.text}", where, fault=order.text)]
+
+
 def _timeout(body: Map, where: str, what: str) -> float:
     return _time(body["timeout"], f"{where}: {what}.timeout") if "timeout" in body else DEFAULT_TIMEOUT
 
@@ -465,7 +476,7 @@ def _repeat(body: Any, path: str | Path, where: str, config: RigConfig) -> list[
     return steps * times
 
 
-_OTHER_STEPS = ("shift", "set", "wait", "repeat")  # all others are setpoints of devices
+_OTHER_STEPS = ("shift", "set", "fault", "wait", "repeat")  # all others are setpoints of devices
 
 
 def _readers(config: RigConfig) -> dict:
@@ -475,6 +486,7 @@ def _readers(config: RigConfig) -> dict:
         **{step: _setting(one) for step, one in config.settings.steps.items()},
         **orders,
         "set": _set,
+        "fault": _fault,
         "wait": _wait,
         "repeat": _repeat,
     }

@@ -55,8 +55,11 @@ class Bench(Protocol):
     def change(self, name: str, value: float) -> None:
         """Give a setting of the rig, its shift controller or the user's controller another value [SI]; a switch takes 1 or 0."""
 
+    def fault(self, order: str) -> None:
+        """Order a fault or its end, as rig.faults.read_fault takes it."""
+
     def changed(self) -> bool:
-        """Return whether the setting that was changed last has its new value."""
+        """Return whether the setting that was changed last has its new value, or the fault that was ordered last was taken."""
 
     def reading(self, signal: str) -> float:
         """Return the newest value of a signal [SI]."""
@@ -139,7 +142,7 @@ class SequenceRunner:
         step = self.sequence.steps[self.step]
         if step.kind == "shift":
             return {"until": self._since + step.timeout, "gear": int(step.value)}
-        if step.kind == "set":
+        if step.kind in ("set", "fault"):
             return {"until": self._since}  # its answer is not a signal, so poll asks for it at every tick
         if step.condition is None:
             return {"until": self._since + step.value}
@@ -174,6 +177,8 @@ class SequenceRunner:
             self.bench.order_gear(int(step.value))
         elif step.kind == "set":
             self.bench.change(step.setting, step.value)
+        elif step.kind == "fault":
+            self.bench.fault(step.fault)
         elif step.kind != "wait":
             if not step.by_torque:
                 self.bench.set(step.kind, step.value, step.enable)
@@ -191,7 +196,7 @@ class SequenceRunner:
         waited = t - self._since
         if step.kind == "shift":
             done = waited > 0.0 and self.bench.shift_done()
-        elif step.kind == "set":
+        elif step.kind in ("set", "fault"):
             done = self.bench.changed()
         elif step.condition is not None:
             condition = step.condition

@@ -12,7 +12,7 @@ import html
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ..base import TICK_SAMPLES, RigError, brief, dimension_of_text, quantity, shown_in, unknown
+from ..base import SAMPLE, TICK_SAMPLES, RigError, brief, dimension_of_text, quantity, shown_in, unknown
 from ..controllers import LEVELS, Plug
 from ..plant import relief_setting_for
 from ..rig import CONTROLLER, CONTROLLER_EVENTS, OWN, SHIFT_ORDERED
@@ -175,6 +175,11 @@ class Session:
                 self._give(*self._command)
                 rig.advance_samples(min(end - rig.sample, REPEATED))
             self._note_trip()
+            self._note_faults()
+
+    def _note_faults(self) -> None:
+        if self.rig.faults is not None:
+            self.events += [(one.sample * SAMPLE, one.name, one.text, one.value) for one in self.rig.faults.take_news()]
 
     def _note_trip(self) -> None:
         if self.rig.safe and not self._tripped:
@@ -206,6 +211,7 @@ class Session:
         runner = runner_on(self.rig, listener, self.rig.config, sequence, self._plug)
         listener.advance(TICK_SAMPLES - self.rig.sample % TICK_SAMPLES)
         for _ in played(self.rig, listener, runner):
+            self._note_faults()
             if orders is not None and len(listener.orders) >= orders:
                 return
         self._note_trip()
@@ -251,6 +257,27 @@ class Session:
             self._bench.change(name, float(number))
         else:
             raise RigError(unknown("setpoint or setting", name, [*settings.steps, ORDER, *LEVELS, *settings]))
+
+    def fault(self, name: str, **how: Any) -> None:
+        """Order a fault, or the end of one; the rig was loaded with ``faults="on"``.
+
+        Parameters
+        ----------
+        name : str
+            Name of the fault, e.g. "valve_zr_p1.stuck"; ``rig list faults`` prints those of a rig.
+        **how
+            ``size``, ``onset``, ``over``, ``period``, ``share``, ``at``, ``when`` as texts with units, as in a sequence's step
+            ``fault``; ``lasts`` is its ``for``, and ``off=True`` ends the fault.
+
+        Raises
+        ------
+        RigError
+            When the rig refuses it, or faults are disabled.
+        """
+        keys = {"lasts": "for"}
+        given = [f"{keys.get(key, key)}={str(value).lower() if isinstance(value, bool) else value}" for key, value in how.items()]
+        self.rig.order_fault(", ".join([name, *given]))
+        self._note_faults()
 
     def _set_device(self, step: str, value: float | str | None) -> None:
         rig, setting = self.rig, self.rig.settings.steps[step]

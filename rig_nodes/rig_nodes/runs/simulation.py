@@ -147,6 +147,10 @@ class LocalBench:
         topic = CONTROLLER_EVENTS if setting.owner == CONTROLLER else "/rig/events"
         self.outputs.event(topic, CHANGED, setting.sentence(value), value)
 
+    def fault(self, order: str) -> None:
+        """Order a fault or its end; the rig's events name it."""
+        self.rig.order_fault(order)
+
     def changed(self) -> bool:
         """Return True, because a setting here takes its value at once."""
         return True

@@ -37,6 +37,8 @@ class Snapshot:
         Whether the noise is on, and how often it was changed.
     cuts : tuple
         What the cuts give of themselves.
+    faults : tuple
+        The orders of faults that are not over.
     """
 
     first: RigConfig = field(repr=False)
@@ -46,6 +48,7 @@ class Snapshot:
     arrays: tuple[np.ndarray, ...] = field(repr=False)
     noise: tuple[bool, int] = field(repr=False)
     cuts: tuple = field(repr=False)
+    faults: tuple = field(repr=False, default=())
 
     def check_fits(self, first: RigConfig, made: dict[str, Any]) -> None:
         """Check that a rig can go on from here.

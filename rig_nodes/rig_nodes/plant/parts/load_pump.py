@@ -9,7 +9,7 @@ It is a part of the engine. It gives a torque capacity that the driveline applie
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, pi
+from math import exp, pi, sin
 from typing import TYPE_CHECKING
 
 from ...base import INLINED, njit, param
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .shown_rig import ShownRig
 
 PER_RPM = 30.0 / pi
+CHATTER = 40.0 * 2.0 * pi  # rad/s: of the poppet of a relief valve that chatters (assumed; a loaded spring of some grams has more)
 
 
 @dataclass(frozen=True)
@@ -130,8 +131,11 @@ def before(world: Record, k: int, h: float, t: float) -> None:
         me.pressure = me.held_pressure
         capacity = max(0.0, me.held_capacity)
     else:
+        setting = me.setting
+        if my.chatter > 0.0:
+            setting *= 1.0 + my.chatter * sin(CHATTER * t)
         me.pressure = pressure_after(
-            me.pressure, me.setting, me.enabled > 0.0 and world.safe == 0.0, line.middle[my.body], my.decay, my
+            me.pressure, setting, me.enabled > 0.0 and world.safe == 0.0, line.middle[my.body], my.decay, my
         )
         capacity = torque_capacity(me.pressure, my)
     cap[KIN1, f], cap[HI1, f], cap[LO1, f] = capacity, capacity, -capacity
@@ -144,13 +148,13 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 
 
 # setting, enabled: setting and switch of the relief valve; held*: answer of a load outside the plant, for a tick
-# (plant.engine.outside)
+# (plant.engine.outside); chatter: amplitude of a chattering relief valve as a share of its setting
 PART = Part(
     "load_pump",
     40,
     (LoadConfig,),
     state=("setting", "enabled", "pressure", "held", "held_capacity", "held_pressure"),
-    derived=("decay",),
+    derived=("decay", "chatter"),
     wires=("body", "element"),
     stages={"fill": fill, "before": before},
     role=LOAD,

@@ -277,7 +277,8 @@ def rest_share(before: float, piston: float, clamp: float, clutch: Record) -> fl
     return carried if gap <= 0.0 else min(carried, max(0.0, 1.0 - gap / min(clutch.surfaces * clutch.film_gap, clutch.clearance)))
 
 
-# states of a pack from step to step, and values derived from its configuration; clearance is new_clearance plus wear
+# states of a pack from step to step, and values derived from its configuration; clearance is new_clearance plus wear; seized_force:
+# force with which welded plates hold without being pressed, 0 for none
 STATE = (
     "temperature",
     "wear",
@@ -307,6 +308,7 @@ DERIVED = (
     "step",
     "plates_left",
     "plates_rise",
+    "seized_force",
 )
 WIRES = ("element", "oil")
 # a pack between two bodies, or between one body and the fixed housing; plates: the part with the values of its plates
@@ -438,7 +440,7 @@ def capacities_after(me: Record, my: Record, piston: float, drag: float, world: 
     me.rest = rest_share(me.rest, piston, me.clamp, my)
     me.held = held_force(me.held, me.clamp, my.holding_kinetic + my.holding_excess * me.boundary)
     # the waves of the plates press them without the piston; with this force, (6.56) holds at rest
-    force = me.held + my.rest_force * me.rest
+    force = me.held + my.rest_force * me.rest + my.seized_force
     n = line.v.shape[0]
     across = vector(line.w, f * n, line.v)
     slip = dot(across, vector(line.v, 0, line.v)) + 0.5 * dot(across, vector(line.gain, 0, line.v))  # expected in the middle

@@ -439,6 +439,29 @@ def line_flow(
     return port_flow(valve.share, line, supply, speed, laminar, values)
 
 
+@njit(cache=True, error_model="numpy", forceinline=True)
+def leak(area: float, drop: float, speed: float, most: float) -> float:
+    """Return the flow through a leak by the orifice law Q = A sqrt(2 dp / rho), at most ``most`` per pressure drop.
+
+    Parameters
+    ----------
+    area : float
+        Area of the leak [m2], with the discharge coefficient.
+    drop : float
+        Pressure drop [Pa]; no oil comes back.
+    speed : float
+        Value of :func:`orifice_speed`.
+    most : float
+        Flow per pressure drop that a step can take [m3/(s Pa)], which also bounds the slope at a small drop.
+
+    Returns
+    -------
+    float
+        Flow [m3/s].
+    """
+    return min(area * speed * sqrt(drop), most * drop) if drop > 0.0 else 0.0
+
+
 @njit(**INLINED)
 def fed(world: Record, k: int, line: float, flow: float, h: float) -> None:
     """Record the oil and the work that the valve has delivered to its line in a step; called by the part that solves the flow."""
@@ -457,7 +480,8 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 # on: share of the supply voltage on the coil in this step; pending: duty from the next sample on; work: work on the port since
 # time 0; cut > 0: the valve without its coil stands outside (plant.engine.outside), and cut_* is its answer. ideal_current > 0: the
 # current equals its setpoint; pwm: frequency, 0 where the PWM is averaged; pulses: frequency of the induced pulses, which is set
-# also where the PWM is averaged; beside: column of the transducer whose wire lies beside its own, NOWHERE for none
+# also where the PWM is averaged; beside: column of the transducer whose wire lies beside its own, NOWHERE for none; leak_area: of a
+# gap of worn edges between supply and port, 0 for none
 PART = Part(
     "proportional_valve",
     10,
@@ -477,7 +501,18 @@ PART = Part(
         "cut_slope",
         "cut_pressure",
     ),
-    derived=("coil_left", "spool_left", "spool_thickness", "gain", "per_viscosity", "shaken", "ideal_current", "pwm", "pulses"),
+    derived=(
+        "coil_left",
+        "spool_left",
+        "spool_thickness",
+        "gain",
+        "per_viscosity",
+        "shaken",
+        "ideal_current",
+        "pwm",
+        "pulses",
+        "leak_area",
+    ),
     wires=("line", "supply", "oil", "output", "beside"),
     stages={"fill": fill, "command": command, "before": before, "pickup": pickup},
     role=VALVE,

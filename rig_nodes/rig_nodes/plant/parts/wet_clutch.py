@@ -16,7 +16,7 @@ from ...base import INLINED, njit, param
 from . import plates
 from .part import BODY, CLUTCH, NOWHERE, Part, Shown, Wire
 from .plates import PackFriction, PlatePack
-from .proportional_valve import fed, laminar_force, line_flow, orifice_speed
+from .proportional_valve import fed, laminar_force, leak, line_flow, orifice_speed
 
 if TYPE_CHECKING:
     from ...base import Record
@@ -237,7 +237,9 @@ class Oil(NamedTuple):
     spin : float
         Force of the turning oil on the piston [N].
     lost : float
-        Flow that the empty part of the line takes [m3/s].
+        Flow that the empty part of the line and leaks of the line take, less that of a leak from the supply [m3/s].
+    seep : float
+        Flow past the piston's seal [m3/s].
     """
 
     supply: float
@@ -245,6 +247,7 @@ class Oil(NamedTuple):
     damping: float
     spin: float
     lost: float
+    seep: float
 
 
 class Volumes(NamedTuple):
@@ -309,7 +312,7 @@ def balance(
         [m3/s], and the chamber pressure at which Newton's method expects no excess [Pa].
     """
     x, dx = piston_step(of.start, p, oil.spin, of.half, oil.damping, clutch)
-    feed = of.stiff_chamber * (p - of.chamber_before) + clutch.piston_area * (x - of.start) * of.per_half
+    feed = of.stiff_chamber * (p - of.chamber_before) + clutch.piston_area * (x - of.start) * of.per_half + oil.seep
     dfeed = of.stiff_chamber + clutch.piston_area * dx * of.per_half
     turbulent = clutch.feed_drop * abs(feed)
     line = p + (of.laminar_drop + turbulent) * feed
@@ -447,8 +450,15 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     if my.turns_with != NOWHERE:
         spin = turning_force(world.driveline.middle[my.turns_with], world.values.oil_supply[my.oil].density, my)
     damping, values, flow = my.damping_by_viscosity * viscosity, world.values.proportional_valve[my.valve], 0.0
-    if not at_rest(me, port, valve, h, damping, spin, my):
-        flow = cylinder_step(me, port, valve, Oil(supply, viscosity, damping, spin, lost), h, values, my)
+    inward, outward, seep = 0.0, 0.0, 0.0
+    leaks = my.line_leak + my.piston_leak + values.leak_area > 0.0
+    if leaks:
+        inward = leak(values.leak_area, supply - port.port, my.orifice_speed, my.full_line)
+        outward = leak(my.line_leak, port.port, my.orifice_speed, my.full_line)
+        seep = leak(my.piston_leak, me.chamber, my.orifice_speed, my.stiff_chamber)
+    if leaks or not at_rest(me, port, valve, h, damping, spin, my):
+        oil = Oil(supply, viscosity, damping, spin, lost + (outward - inward), seep)
+        flow = cylinder_step(me, port, valve, oil, h, values, my) + inward
     fed(world, my.valve, port.port, flow, h)
     port.pressure = me.chamber
     me.clamp = pack_force(me.piston, my)[0]
@@ -461,8 +471,9 @@ def after(world: Record, k: int, h: float) -> None:
     plates.heat_plates(world.parts.wet_clutch[k], world.values.wet_clutch[k], world)
 
 
-# chamber_rise: rise of the chamber's pressure in the last step; speed: speed of the piston; empty: empty part of the line [m3]. The
-# pressure that is measured is the chamber's, where the oil enters (tab. 7.1)
+# chamber_rise: rise of the chamber's pressure in the last step; speed: speed of the piston; empty: empty part of the line [m3];
+# line_leak, piston_leak: areas of leaks of line and seal, 0 for none. The pressure that is measured is the chamber's, where the
+# oil enters (tab. 7.1)
 SHOWS = (
     Shown(
         "mode",
@@ -520,6 +531,8 @@ PART = Part(
         "laminar",
         "damping_by_viscosity",
         "drain_left",
+        "line_leak",
+        "piston_leak",
     ),
     wires=(*plates.WIRES, "line", "valve", "turns_with"),
     stages={"fill": fill, "before": before, "after": after},

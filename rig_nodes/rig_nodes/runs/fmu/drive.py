@@ -88,6 +88,10 @@ class FmuBench:
             raise RigError(f"the FMU has no parameter {name}")
         self.fmu.set(**{name: value})
 
+    def fault(self, order: str) -> None:
+        """Refuse an order of a fault: an FMU has the faults with which it was made."""
+        raise RigError(f"an FMU takes no order of a fault while it runs; make it with --set faults='{order}'")
+
     def changed(self) -> bool:
         """Return True, because a parameter has its value as soon as it is set."""
         return True

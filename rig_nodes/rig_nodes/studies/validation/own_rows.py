@@ -39,8 +39,8 @@ from ...base import (
     where_of,
     with_article,
 )
-from ...rig import RigConfig, load_rig, with_overrides
-from ...runs import DIMENSIONS, Calculation, Run, Table, Workers, calculations_of, load_sequence, record, recorded_with
+from ...rig import DIMENSIONS, RigConfig, load_rig, with_overrides
+from ...runs import Calculation, Run, Table, Workers, calculations_of, load_sequence, record, recorded_with
 from .rows import CONTRADICTS, INSIDE, NOT_COMPARED, OUTSIDE, Row, Target
 
 ROLES = ("calibrate", "predict", "contradiction")

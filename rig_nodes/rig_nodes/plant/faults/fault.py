@@ -1,0 +1,145 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Definition of a type of fault: what it acts on, its size with unit and range, and what a person sees of it.
+
+Every other file of this folder is a family and ends with ``FAULTS = (...)``. Another package adds a fault by an entry point of the
+group ``rig_nodes.faults``, which names a Fault. rig.faults reads orders of faults, runs.faults has them act.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Protocol
+
+from ...base import Group
+
+FAMILIES = Group("faults", "fault", __package__, "FAULTS")
+# What a fault acts on where that is no type of device: a transducer, or the messages between rig and controller, whose name in
+# orders is also their name as an owner.
+TRANSDUCER, MESSAGES = "transducer", "messages"
+ABRUPT, GROWING, INTERMITTENT = ONSETS = ("abrupt", "growing", "intermittent")
+# SPNs from here on are a manufacturer's own in SAE J1939-73, and FMIs are numbered there
+FIRST_SPN = 520192
+ABOVE, BELOW, ERRATIC, LOST, OPEN, SHORT, STUCK, RATE, UPDATE, UNKNOWN, BAD, UNCALIBRATED = 15, 17, 2, 4, 5, 6, 7, 8, 9, 11, 12, 13
+NETWORK, DRIFTED = 19, 20  # received network data in error, data drifted high
+
+
+class Target(Protocol):
+    """What a fault changes: the values of a device by their names, or the rows of a transducer's table.
+
+    What is written is taken back when the fault ends. Values are read as they are with the faults that act already.
+
+    Attributes
+    ----------
+    configs : tuple of object
+        The device's configuration, with that of its plates where it has some.
+    span : float
+        Full scale of a transducer [SI].
+    """
+
+    configs: tuple[Any, ...]
+    span: float
+
+    def __getitem__(self, name: str | int) -> float:
+        """Return a value [SI]."""
+        ...
+
+    def __setitem__(self, name: str | int, value: float) -> None:
+        """Write a value [SI]."""
+        ...
+
+    def shift(self, state: str, by: float) -> None:
+        """Add to a state of the device [SI], in all so much; it is taken off again at the fault's end."""
+        ...
+
+    def held(self) -> float:
+        """Return what a transducer read as the fault began [SI]."""
+        ...
+
+    def swap(self) -> None:
+        """Exchange the wires of a transducer and of the next one of its type."""
+        ...
+
+
+@dataclass(frozen=True)
+class Size:
+    """The parameter of a fault; 0 is a healthy device.
+
+    Parameters
+    ----------
+    quantity : str
+        Dimension, of base.units.
+    low, high : float
+        Range [SI], inclusive.
+    usual : float
+        Value of an order without a size [SI].
+    text : str
+        What it is.
+    """
+
+    quantity: str
+    low: float
+    high: float
+    usual: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A type of fault.
+
+    Parameters
+    ----------
+    name : str
+        Its name, behind that of what it acts on.
+    part : str
+        Type of device, or TRANSDUCER or MESSAGES.
+    sub : str
+        What of it fails.
+    text, sign : str
+        What is wrong, and what a person sees of it.
+    act : function
+        act(target, size) changes a Target by the present size [SI].
+    spn, fmi : int
+        Suspect parameter number of what fails at the first device of the type, to which the place of a later one, up to 31, is
+        added, and failure mode, of SAE J1939-73.
+    size : Size or None
+        Its parameter; None for a fault without one, which cannot grow.
+    onset : str
+        How it sets in where an order does not say: one of ONSETS.
+    lacks : function
+        lacks(configs) returns what a device of this configuration lacks for it, or an empty text.
+    """
+
+    name: str
+    part: str
+    sub: str
+    text: str
+    sign: str
+    act: Callable[[Target, float], None]
+    spn: int
+    fmi: int
+    size: Size | None = None
+    onset: str = ABRUPT
+    lacks: Callable[[tuple[Any, ...]], str] = lambda _configs: ""
+
+
+@cache
+def faults() -> dict[str, Fault]:
+    """Return all types of faults by what they act on and their own name, e.g. "oil_supply.air".
+
+    Raises
+    ------
+    RigError
+        When a package adds something else, or a fault that is there already.
+    """
+    found = {f"{one.part}.{one.name}": one for family in FAMILIES.own for one in FAMILIES.own_module(family).FAULTS}
+    for point in FAMILIES.added().values():
+        one = FAMILIES.load(point, Fault)
+        if f"{one.part}.{one.name}" in found:
+            raise FAMILIES.refused(point, f"is named {one.part}.{one.name} as another one")
+        found[f"{one.part}.{one.name}"] = one
+    return found

@@ -1,0 +1,367 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Faults of a rig: which of its devices, transducers and messages can have which, and orders of them as people write them.
+
+runs.faults has the orders act; sequences, the command line and the API read them here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ..base import RigError, brief, check_keys, find_of_rigs, load_yaml, quantity, shown_in, span, unknown, where_of
+from ..plant import GROWING, INTERMITTENT, MESSAGES, ONSETS, TRANSDUCER, Fault, faults, uniform
+from .quantities import DIMENSIONS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from .configuration import RigConfig
+
+RANDOM, DRAWS = "random", 1 << 34  # in place of an order, and number of the first channel of the values that draw it
+FAULTS = "faults"  # key of the orders that a run begins with, among the changed values of a rig
+ENABLED, APART = "on", ";"  # without orders, and what stands between two
+KEYS = ("name", "size", "onset", "over", "period", "share", "at", "when", "for", "off")
+OVER, PERIOD, SHARE = 5.0, 0.2, 0.5  # s, s and a share: of a fault that grows or comes and goes, where an order does not say
+LEAST_PERIOD, LONGEST_TIME = 2e-3, 86_400.0  # s: two samples, and a day
+HOW = 'enable them with --faults, or in Python by rig_nodes.load(NAME, faults="on")'
+ABOVE, BELOW = "above", "below"
+
+
+@dataclass(frozen=True)
+class FaultOfRig:
+    """A fault that something of a rig can have.
+
+    Parameters
+    ----------
+    name : str
+        Name in orders: of the device, transducer or messages, and of the fault.
+    owner : str
+        The former.
+    fault : Fault
+        The type.
+    spn : int
+        Suspect parameter number of SAE J1939-73.
+    configs : tuple of object
+        What Fault.lacks and Target.configs take.
+    lacking : str
+        Why the rig as it is refuses it; empty when it does not.
+    """
+
+    name: str
+    owner: str
+    fault: Fault
+    spn: int
+    configs: tuple[Any, ...]
+    lacking: str = ""
+
+
+@dataclass(frozen=True)
+class Trigger:
+    """A signal from low to high [SI], at which a fault begins."""
+
+    signal: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class FaultOrder:
+    """An order of a fault, checked.
+
+    Parameters
+    ----------
+    text : str
+        As people write it.
+    of : FaultOfRig
+        The fault.
+    size : float
+        Its full size [SI]; 1 for a fault without one.
+    onset : str
+        One of plant.ONSETS.
+    over : float
+        Time in which a growing fault reaches its size [s].
+    period, share : float
+        Period of an intermittent one [s], and the share of it in which it acts.
+    at : float
+        Time from the order to the beginning [s].
+    when : Trigger or None
+        What is awaited after that.
+    lasts : float
+        Time from the beginning to the end [s]; infinite for one that stays.
+    off : bool
+        True for the end of what was ordered under this name.
+    """
+
+    text: str
+    of: FaultOfRig
+    size: float
+    onset: str
+    over: float
+    period: float
+    share: float
+    at: float
+    when: Trigger | None
+    lasts: float
+    off: bool
+
+    @property
+    def shown_size(self) -> str:
+        """The size with its unit, as people read it; empty for a fault without one."""
+        size = self.of.fault.size
+        if size is None:
+            return ""
+        unit, factor = shown_in(size.quantity)
+        return f"{self.size / factor:.4g}{'' if unit == '-' else f' {unit}'}"
+
+    def sentence(self) -> str:
+        """Return the text of its event: name, parameter with size and unit, onset."""
+        size = self.of.fault.size
+        what = (
+            f": {size.text} {self.shown_size}"
+            if size is not None
+            else f": {self.of.fault.text[0].lower()}{self.of.fault.text[1:-1]}"
+        )
+        return f"{self.of.name}{what}, {self.onset}"
+
+
+def faults_of(config: RigConfig) -> dict[str, FaultOfRig]:
+    """Return every fault that something of a rig can have, by its name in orders; those that the rig refuses have the reason."""
+    found, structure = {}, config.structure
+    for fault in faults().values():
+        for k, (owner, configs, why) in enumerate(_owners(config, fault)):
+            name = f"{owner}.{fault.name}"
+            found[name] = FaultOfRig(name, owner, fault, fault.spn + k, configs, why or fault.lacks(configs))
+    order = {name: k for k, name in enumerate([*(one.name for one in structure.devices), *_names(config), MESSAGES])}
+    return dict(sorted(found.items(), key=lambda one: order[one[1].owner]))
+
+
+def _names(config: RigConfig) -> list[str]:
+    return [one.name for one in config.structure.transducers]
+
+
+def _owners(config: RigConfig, fault: Fault) -> list[tuple[str, tuple[Any, ...], str]]:
+    """What of a rig a type of fault acts on: name, configuration, and why it cannot be."""
+    structure = config.structure
+    if fault.part == MESSAGES:
+        return [(MESSAGES, (), "")] if structure.shifts else []
+    if fault.part == TRANSDUCER:
+        off = "" if config.effects.transducers else "effects.transducers is off, so that true values are shown"
+        return [
+            (one.name, (one.type, _next_like(config, one.name)), off)
+            for one in structure.transducers
+            if getattr(config.instruments, f"{one.like}_fitted", True)
+        ]
+    prescribed = "the rig's pressures are prescribed" if config.prescribed else ""
+    return [
+        (
+            device.name,
+            (config.values(device.name), *([config.values(device.wires["plates"])] if "plates" in device.wires else [])),
+            "it stands outside the plant" if device.name in config.cut_out else prescribed,
+        )
+        for device in structure.devices
+        if device.part == fault.part
+    ]
+
+
+def _next_like(config: RigConfig, name: str) -> str:
+    """Return the next transducer of the same type, the first one after the last; empty when there is no other."""
+    kinds = {one.name: one.type for one in config.structure.transducers}
+    like = [other for other in kinds if kinds[other] == kinds[name]]
+    return like[(like.index(name) + 1) % len(like)] if len(like) > 1 else ""
+
+
+def check_enabled(config: RigConfig, where: str) -> None:
+    """Raise RigError when faults are disabled, as they are by default."""
+    if config.faults is None:
+        raise RigError(f"{where}: faults are disabled; {HOW}")
+
+
+def read_fault(config: RigConfig, given: str | Mapping, where: str) -> FaultOrder:
+    """Return an order of a fault.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+    given : str or mapping
+        ``NAME, size=.., onset=.., over=.., period=.., share=.., at=.., when=SIGNAL above .., for=..`` or the same as a map with the
+        key ``name``; ``off=true`` ends what was ordered.
+    where : str
+        Beginning of the errors.
+
+    Returns
+    -------
+    FaultOrder
+        The order.
+
+    Raises
+    ------
+    RigError
+        When the rig refuses it.
+    """
+    node = _split(given, where) if isinstance(given, str) else {str(key): value for key, value in given.items()}
+    for key in node:
+        if key not in KEYS:
+            raise RigError(f"{where}: {unknown('key of a fault', key, KEYS)}")
+    known, name = faults_of(config), str(node.get("name", ""))
+    if name not in known:
+        raise RigError(f"{where}: {unknown('fault', name, known)}")
+    of = known[name]
+    if of.lacking:
+        raise RigError(f"{where}: fault {name} refused: {of.lacking}")
+    text = ", ".join(
+        [
+            name,
+            *(f"{key}={str(value).lower() if isinstance(value, bool) else value}" for key, value in node.items() if key != "name"),
+        ]
+    )
+    if "off" in node:
+        if len(node) > 2 or str(node["off"]).lower() != "true":
+            raise RigError(f"{where}: fault {name}: off takes true, and no other key beside it")
+        return FaultOrder(text, of, 0.0, ONSETS[0], OVER, PERIOD, SHARE, 0.0, None, float("inf"), True)
+    onset = str(node.get("onset", of.fault.onset))
+    if onset not in ONSETS:
+        raise RigError(f"{where}: fault {name}: onset is {brief(onset)}, expected {', '.join(ONSETS)}")
+    size = of.fault.size
+    if size is None and ("size" in node or onset == GROWING):
+        raise RigError(f"{where}: fault {name} has no size{', so it cannot grow' if onset == GROWING else ''}; it is there or not")
+    for keys, kind in ((("over",), GROWING), (("period", "share"), INTERMITTENT)):
+        if onset != kind and any(key in node for key in keys):
+            raise RigError(f"{where}: fault {name}: {' and '.join(keys)} go with onset={kind}")
+
+    def number(key: str, dimension: str, low: float, high: float, usual: float) -> float:
+        if key not in node:
+            return usual
+        value = quantity(node[key], dimension, f"{where}: fault {name}: {key}")
+        if not low <= value <= high:
+            raise RigError(f"{where}: fault {name}: {key} is {node[key]}, expected {span(low, high, node[key])}")
+        return value
+
+    return FaultOrder(
+        text,
+        of,
+        1.0 if size is None else number("size", size.quantity, size.low, size.high, size.usual),
+        onset,
+        number("over", "time", 0.0, LONGEST_TIME, OVER),
+        number("period", "time", LEAST_PERIOD, LONGEST_TIME, PERIOD),
+        number("share", "ratio", 0.0, 1.0, SHARE),
+        number("at", "time", 0.0, LONGEST_TIME, 0.0),
+        _trigger(config, str(node["when"]), f"{where}: fault {name}: when") if "when" in node else None,
+        number("for", "time", 0.0, LONGEST_TIME, float("inf")),
+        False,
+    )
+
+
+def _split(text: str, where: str) -> dict[str, str]:
+    name, *rest = (part.strip() for part in text.split(","))
+    node = {"name": name}
+    for part in rest:
+        key, sign, value = (piece.strip() for piece in part.partition("="))
+        if not sign or not value or key in node:
+            raise RigError(f"{where}: {brief(part)} in the fault {brief(name)}; expected KEY=VALUE, each key once, e.g. at=5 s")
+        node[key] = value
+    return node
+
+
+def _trigger(config: RigConfig, text: str, where: str) -> Trigger:
+    words = text.split(maxsplit=2)
+    if len(words) != 3 or words[1] not in (ABOVE, BELOW):
+        raise RigError(f"{where} is {brief(text)}; expected SIGNAL above VALUE or SIGNAL below VALUE, e.g. n_wej above 500 rpm")
+    signals = config.catalogue.signals
+    if words[0] not in signals:
+        raise RigError(f"{where}: {unknown('signal', words[0], signals)}")
+    signal = signals[words[0]]
+    value = quantity(words[2], DIMENSIONS.get(signal.quantity, signal.quantity), where)
+    return Trigger(words[0], *((value, float("inf")) if words[1] == ABOVE else (float("-inf"), value)))
+
+
+def orders_of(config: RigConfig, text: str, where: str) -> tuple[str, ...]:
+    """Return the orders of the value of the key FAULTS as texts, each checked; RigError for one that the rig refuses."""
+    if text.strip() == ENABLED:
+        return ()
+    return tuple(read_fault(config, one.strip(), where).text for one in text.split(APART))
+
+
+def orders_by_name(names: list[str], rig: str, seed: int, settings: Mapping[str, str]) -> str:
+    """Return the value of the key FAULTS for what people name.
+
+    Parameters
+    ----------
+    names : list of str
+        Orders, names or files of sets, and RANDOM.
+    rig : str
+        The rig.
+    seed : int
+        Seed by which a fault is drawn for RANDOM.
+    settings : mapping of str to str
+        The rig's other changed values.
+
+    Returns
+    -------
+    str
+        The value.
+
+    Raises
+    ------
+    RigError
+        When there is no such set.
+    """
+    orders: list[str] = []
+    for number, name in enumerate(names):
+        first = name.partition(",")[0].strip()
+        if name == RANDOM:
+            orders.append(random_fault(rig, seed, number, settings))
+        elif "." in first and not first.endswith((".yaml", ".yml")):
+            orders.append(name)
+        else:
+            orders += fault_set(find_of_rigs(FAULTS, name, rig))
+    return f" {APART} ".join(orders) or ENABLED
+
+
+def random_fault(rig: str, seed: int, number: int, settings: Mapping[str, str]) -> str:
+    """Return an order drawn by a seed: any fault that the rig can have, with its usual size times 0.5 to 1.5, after 2 to 10 s."""
+    from .configuration import load_rig  # here, because a configuration reads orders
+
+    known = [one for one in faults_of(load_rig(rig, dict(settings))).values() if not one.lacking and one.fault.part != MESSAGES]
+    which, how, when = (uniform(seed, DRAWS + 3 * number + k, 0) for k in range(3))
+    of = known[int(which * len(known))]
+    text, size = f"{of.name}, at={2.0 + 8.0 * when:.3f} s", of.fault.size
+    if size is None:
+        return text
+    unit, factor = shown_in(size.quantity)
+    return f"{text}, size={min(max(size.usual * (0.5 + how), size.low), size.high) / factor:.4g} {unit}"
+
+
+def fault_set(path: Path) -> list[str]:
+    """Return the orders in a file of faults.
+
+    Parameters
+    ----------
+    path : Path
+        A file with the keys ``description`` and ``faults``, a list of maps as in a sequence's step ``fault``.
+
+    Returns
+    -------
+    list of str
+        Their texts.
+
+    Raises
+    ------
+    RigError
+        With file and line, when the file is no such set.
+    """
+    node = load_yaml(path)
+    check_keys(path, node, ("description", FAULTS), ("description", FAULTS), "the set of faults")
+    if not isinstance(node[FAULTS], list) or not node[FAULTS]:
+        raise RigError(
+            f"{where_of(path, node, FAULTS)}: faults must be a list with at least one fault, e.g. - name: oil_supply.air"
+        )
+    out = []
+    for k, one in enumerate(node[FAULTS]):
+        check_keys(path, one, KEYS, ("name",), "a fault", where_of(path, node[FAULTS], k))
+        out.append(", ".join([str(one["name"]), *(f"{key}={value}" for key, value in one.items() if key != "name")]))
+    return out

@@ -1,0 +1,223 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Orders of faults: by sequence, command line, session and set; when they act, what a run says of them, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+import rig_nodes
+from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
+from rig_nodes.cli.main import main
+from rig_nodes.controllers.load import load_controller
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.faults import read_fault
+from rig_nodes.rig.recorded_rig import config_of_record
+from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.simulation import simulate
+
+ON = {"faults": "on"}
+STEPS = """
+description: a short shift
+rig: hydmag
+steps:
+  - oil: {pressure: 4 MPa}
+  - wait: {for: 200 ms}
+"""
+
+
+def simulated(folder, steps="", faults="on", controller=None, overrides=None):
+    """Returns end, bag and fault events (time, name, text, value) of a simulation."""
+    folder.mkdir(exist_ok=True)
+    (folder / "sequence.yaml").write_text(STEPS + steps)
+    config = load_rig("hydmag", {"faults": faults} | (overrides or {}))
+    plug = load_controller(controller, config) if controller else None
+    end = simulate(config, load_sequence(folder / "sequence.yaml", config=config, rig="hydmag"), folder / "run", controller=plug)[
+        "end"
+    ]
+    bag = Bag(folder / "run")
+    return end, bag, [(t, name, text, value) for t, _, name, text, value in bag.events() if name.startswith("fault")]
+
+
+def test_a_step_begins_and_ends_a_fault_and_the_bag_says_so(tmp_path):
+    steps = """
+  - fault: {name: p1.offset, size: 2 %}
+  - wait: {for: 100 ms}
+  - fault: {name: p1.offset, off: true}
+  - wait: {for: 100 ms}
+"""
+    end, bag, events = simulated(tmp_path, steps)
+    assert end["state"] == "ended", end
+    assert [(name, text) for _, name, text, _ in events] == [
+        ("fault_ordered", "p1.offset, size=2 %"),
+        ("fault_on", "p1.offset: share of the full scale 0.02, abrupt"),
+        ("fault_ordered", "p1.offset, off=true"),
+        ("fault_off", "p1.offset ended"),
+    ]
+    t, p1 = bag.series("p1")
+    on, off = events[1][0], events[3][0]
+    inside = (t > on + 0.02) & (t <= off)
+    assert np.allclose(p1[inside], 0.8e6, atol=0.15e6) and np.allclose(p1[(t < on) | (t > off + 0.02)], 0.0, atol=0.15e6)
+    assert config_of_record(bag.record, "bag").faults == ()
+
+
+@pytest.mark.parametrize(
+    "step", ["  - fault: {name: p1.offset}\n", "  - repeat: {times: 2, steps: [{fault: {name: p1.offset}}]}\n"]
+)
+def test_a_sequence_with_a_fault_is_refused_while_faults_are_disabled(tmp_path, capsys, step):
+    (tmp_path / "ill.yaml").write_text(STEPS + step)
+    assert main(["simulate", str(tmp_path / "ill.yaml"), "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert "ill.yaml:7" in said and "faults are disabled" in said and "--faults" in said and not (tmp_path / "run").exists()
+
+
+def test_a_session_refuses_an_order_while_faults_are_disabled():
+    with rig_nodes.load("hydmag").session() as session, pytest.raises(RigError, match="faults are disabled"):
+        session.fault("p1.stuck")
+
+
+@pytest.mark.parametrize(
+    "order, sentence",
+    [
+        ("p1.stuk", "there is no fault 'p1.stuk'; did you mean 'p1.stuck'"),
+        ("p1.stuck, size=1 %", "has no size; it is there or not"),
+        ("p1.stuck, onset=growing", "has no size, so it cannot grow"),
+        ("p1.offset, size=3", "size is 3, expected -1 to 1"),
+        ("p1.offset, size=3 MPa", "expected a ratio"),
+        ("p1.offset, onset=sudden", "onset is 'sudden', expected abrupt, growing, intermittent"),
+        ("p1.offset, over=1 s", "over go with onset=growing"),
+        ("p1.offset, off=true, at=1 s", "off takes true, and no other key"),
+        ("p1.offset, when=p2 over 1 MPa", "expected SIGNAL above VALUE"),
+        ("p1.offset, when=p3 above 1 MPa", "there is no signal 'p3'"),
+        ("p1.offset, at", "expected KEY=VALUE"),
+        ("p1.losing_pulses", "refused: it counts no pulses"),
+        ("n_wej.delayed", "refused: it counts pulses"),
+        ("T_oil.swapped", "refused: the rig has no other one of its type"),
+        ("valve_zr_p1.air", "there is no fault"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_a_sentence(order, sentence):
+    with pytest.raises(RigError) as refused:
+        read_fault(load_rig("hydmag", ON), order, "--fault")
+    assert sentence in str(refused.value)
+
+
+def test_what_the_rig_as_it_is_cannot_have_is_refused():
+    for settings, order, why in (
+        ({"effects.transducers": "off"}, "p1.stuck", "true values are shown"),
+        ({"motor.source": "topic"}, "motor.weak", "it stands outside the plant"),
+    ):
+        with pytest.raises(RigError, match=why):
+            load_rig("hydmag", {**settings, "faults": order})
+    with pytest.raises(RigError, match="the Alfa46 runs inside the rig, without messages"):
+        Rig(load_rig("hydmag", {"faults": "messages.lost"}))
+
+
+def test_one_fault_at_a_time_under_a_name_and_only_what_is_there_ends():
+    with rig_nodes.load("hydmag", **ON).session() as session:
+        session.fault("p1.stuck")
+        with pytest.raises(RigError, match="is there already"):
+            session.fault("p1.stuck")
+        with pytest.raises(RigError, match=r"it is not there; there is p1\.stuck"):
+            session.fault("p1.noise", off=True)
+
+
+def test_time_signal_and_duration_trigger_it_at_their_sample(tmp_path):
+    faults = (
+        "oil_supply.air, at=123 ms, for=77 ms; p2.noise, when=p_p above 2 MPa, for=30 ms;"
+        "p1.dropped, onset=intermittent, period=40 ms, share=25 %, at=0.3 s, for=100 ms"
+    )
+    _, bag, events = simulated(tmp_path, "  - wait: {for: 300 ms}\n", faults)
+    times = {(name, text.split(":")[0].split()[0]): t for t, name, text, _ in events}
+    assert times["fault_on", "oil_supply.air"] == pytest.approx(0.123) and times["fault_off", "oil_supply.air"] == pytest.approx(
+        0.2
+    )
+    t, supply = bag.series("p_p")
+    reached = times["fault_on", "p2.noise"]
+    assert reached % 0.005 < 1e-9 or reached % 0.005 > 0.0049
+    assert supply[t < reached - 0.02].max() < 2.1e6 and supply[(t >= reached) & (t < reached + 0.02)].max() > 1.9e6
+    assert times["fault_off", "p2.noise"] - reached == pytest.approx(0.03)
+    assert times["fault_off", "p1.dropped"] - times["fault_on", "p1.dropped"] == pytest.approx(0.1)
+
+
+def test_a_growing_fault_grows_evenly():
+    with rig_nodes.load("hydmag", **ON).session() as session:
+        session.advance(0.1)
+        session.fault("p1.offset", size="10 %", onset="growing", over="1 s")
+        shown = []
+        for _ in range(4):
+            session.advance(0.25)
+            shown.append(session.read("p1"))
+    assert np.allclose(shown, [1e6, 2e6, 3e6, 4e6], atol=0.15e6)
+
+
+def test_how_time_is_divided_and_snapshots_change_no_bit():
+    faults = (
+        "valve_zr_p1.sticking, at=0.3 s; p2.offset, onset=growing, over=1 s; n_wej.swapped, at=0.4 s;"
+        "oil_supply.cold, at=0.2 s, for=0.3 s"
+    )
+    config = load_rig("hydmag", {"faults": faults})
+
+    def moved(pieces):
+        rig = Rig(config, 1)
+        rig.set("oil", 4e6, True)
+        rig.order_gear(1)
+        for samples in pieces:
+            rig.advance_samples(samples)
+            if pieces[0] == 7:
+                rig.restore(rig.snapshot())
+        return rig.state_hash(), rig.row().tobytes()
+
+    assert moved([600]) == moved([1] * 600) == moved([7] * 85 + [5])
+
+
+def test_a_healthy_run_has_the_same_bits_whether_faults_are_enabled_or_over():
+    healthy, enabled, over = (Rig(load_rig("hydmag", one), 1) for one in ({}, ON, {"faults": "clutch_s1.leaking_line, at=1 s"}))
+    for rig in (healthy, enabled, over):
+        rig.set("oil", 4e6, True)
+        rig.order_gear(1)
+        rig.advance_samples(800)
+    assert healthy.state_hash() == enabled.state_hash() == over.state_hash()
+
+
+def test_messages_between_controller_and_rig_fail(tmp_path):
+    steps = "  - shift: {to: I}\n"
+    runs = {
+        fault: simulated(tmp_path / str(number), steps, fault, "alfa46")
+        for number, fault in enumerate(
+            ["on", "messages.late, size=60 ms", "messages.lost, size=100 %, at=0.25 s", "messages.corrupted, size=20 %"]
+        )
+    }
+    ends = [end for end, *_ in runs.values()]
+    assert [end["state"] for end in ends] == ["ended", "ended", "tripped", "ended"]
+    assert "valve commands older than 100 ms" in ends[2]["reason"]
+    (t, healthy), (_, late), _, (_, corrupted) = (bag.series("I_zr_p1") for _, bag, _ in runs.values())
+    size = min(len(healthy), len(late), len(corrupted))
+    rises = [t[np.argmax(current[:size] > 0.02)] for current in (healthy, late)]
+    assert 0.03 <= rises[1] - rises[0] < 0.2  # less than the delay, because the current loop has wound up meanwhile
+    assert np.abs(np.diff(corrupted[:size])).max() > 1.3 * np.abs(np.diff(healthy[:size])).max()
+
+
+def test_a_set_of_faults_is_a_file_and_random_is_drawn_by_the_seed(tmp_path, capsys):
+    (tmp_path / "sequence.yaml").write_text(STEPS)
+    (tmp_path / "ill.yaml").write_text("description: two\nfaults:\n  - name: p1.stuck\n    at: 50 ms\n  - name: oil_supply.air\n")
+    for number, names in enumerate((["--fault", str(tmp_path / "ill.yaml")], ["--fault", "random"], ["--fault", "random"])):
+        assert main(["simulate", str(tmp_path / "sequence.yaml"), *names, "--seed", "5", "--out", str(tmp_path / str(number))]) == 0
+    capsys.readouterr()
+    sets, first, second = (
+        json.loads((tmp_path / str(k) / "report.json").read_text())["run"]["configuration"]["faults"] for k in range(3)
+    )
+    assert sets == ["p1.stuck, at=50 ms", "oil_supply.air"]
+    assert first == second and len(first) == 1 and "at=" in first[0]
+
+
+def test_the_list_has_all_of_a_rig_as_json(capsys):
+    assert main(["list", "faults", "--json", "-"]) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert {"unit", "range", "usual", "onset", "one sees", "spn", "fmi", "refused"} <= rows["valve_zr_p1.coil_hot"].keys()
+    assert rows["valve_zr_p1.coil_hot"]["unit"] == "K" and rows["p1.losing_pulses"]["refused"] == "it counts no pulses"
+    assert len({(row["spn"], row["part"]) for row in rows.values() if row["part"] == "proportional_valve"}) == 4
