@@ -54,7 +54,7 @@ def test_a_step_begins_and_ends_a_fault_and_the_bag_says_so(tmp_path):
     assert end["state"] == "ended", end
     assert [(name, text) for _, name, text, _ in events] == [
         ("fault_ordered", "p1.offset, size=2 %"),
-        ("fault_on", "p1.offset: share of the full scale 0.02, abrupt"),
+        ("fault_on", "p1.offset: share of the full scale 2 %, abrupt"),
         ("fault_ordered", "p1.offset, off=true"),
         ("fault_off", "p1.offset ended"),
     ]
@@ -221,3 +221,17 @@ def test_the_list_has_all_of_a_rig_as_json(capsys):
     assert {"unit", "range", "usual", "onset", "one sees", "spn", "fmi", "refused"} <= rows["valve_zr_p1.coil_hot"].keys()
     assert rows["valve_zr_p1.coil_hot"]["unit"] == "K" and rows["p1.losing_pulses"]["refused"] == "it counts no pulses"
     assert len({(row["spn"], row["part"]) for row in rows.values() if row["part"] == "proportional_valve"}) == 4
+
+
+def test_a_rerun_repeats_faults_and_report_and_figures_name_them(tmp_path, capsys):
+    steps = "  - fault: {name: p1.offset}\n  - shift: {to: I}\n  - fault: {name: p1.offset, off: true}\n  - wait: {for: 100 ms}\n"
+    simulated(tmp_path, steps, "oil_supply.air, at=0.4567 s")
+    assert main(["report", str(tmp_path / "run")]) == 0
+    said = capsys.readouterr().out
+    assert "fault injected: oil_supply.air: share of the volume at the atmosphere 5 %, abrupt, from 0.457 s on" in said
+    assert "fault injected: p1.offset: share of the full scale 5 %, abrupt, from 0.205 s to" in said
+    assert main(["rerun", str(tmp_path / "run"), "--through", "plant", "--out", str(tmp_path / "again")]) == 0
+    assert "bit for bit as recorded" in capsys.readouterr().out
+    figure = rig_nodes.open(tmp_path / "run").plot()
+    written = {text.get_text() for text in figure.texts}
+    assert {"oil_supply.air", "p1.offset"} <= written

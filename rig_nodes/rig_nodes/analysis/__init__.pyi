@@ -16,6 +16,7 @@ from .display import aligned as aligned, fixed as fixed, in_unit as in_unit, sho
 from .edges import first_true as first_true, odd_width as odd_width, ramp_start as ramp_start, running_mean as running_mean
 from .energy import clutch_heat as clutch_heat, energy_names as energy_names
 from .engagement import HOLD_SHORTEST as HOLD_SHORTEST, engagement_metrics as engagement_metrics, engagement_ranks as engagement_ranks
+from .faults import faults_at as faults_at
 from .gathered import Gathered as Gathered, SMALL as SMALL
 from .limits import Limit as Limit, MET as MET, MISSED as MISSED, NOT_FOUND as NOT_FOUND, UNDECIDED as UNDECIDED, counted as counted, judged as judged, limit_lines as limit_lines, parse_limits as parse_limits, range_text as range_text, read_limits as read_limits
 from .loops import STEP as STEP, loop_columns as loop_columns, put_loops as put_loops

@@ -18,6 +18,7 @@ from .comparison import annex_lines, truth_lines
 from .definitions import RPM, undefined_lines
 from .display import aligned
 from .energy import clutch_heat
+from .faults import fault_lines
 from .loops import loops_text
 from .metrics import COURSE, Metric, named_metrics
 from .no_change import measured_lines
@@ -170,7 +171,8 @@ def _run_lines(run: dict) -> list[str]:
     if all(run[key] is None for key in RUN_KEYS):
         return [f"problem: {problem}" for problem in run.get("problems", [])]  # a logger's file, which is not a run of the rig
     since = f" (recorded from {run['recorded_from_s']:.3f} s on)" if run.get("recorded_from_s") else ""
-    lines = [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}{since}"]
+    lines = fault_lines(run.get("faults") or ())
+    lines += [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}{since}"]
     if left_out := run.get("left_out"):
         lines.append(f"left out by the recorder's options: {sum(left_out.values())} messages of {len(left_out)} topics")
     late = run["lateness_ms"]

@@ -25,6 +25,7 @@ from .clipped import clipped_in
 from .clutch_torques import put_torques
 from .definitions import reasons_in
 from .energy import Series, balance, energies_of
+from .faults import faults_in
 from .gathered import Gathered
 from .loops import STEP, put_loops
 from .measured_error import Instrument, instruments_of, uncertainty
@@ -180,6 +181,8 @@ def _run_data(bag: Bag | Gathered, run: dict) -> dict:
         data["lost"] = sum(bag.gaps().values())
     if bag.recorded_from:
         data["recorded_from_s"] = bag.recorded_from
+    if faults := faults_in(bag.events()):
+        data["faults"] = faults
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
     return data
 

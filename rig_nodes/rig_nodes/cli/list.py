@@ -245,13 +245,12 @@ def _metrics() -> list[dict[str, str]]:
 
 
 def _faults(rig: str | None) -> list[dict[str, Any]]:
-    from ..base import shown_in
-    from ..rig import faults_of
+    from ..rig import faults_of, shown_unit
 
     rows = []
     for one in faults_of(_known(rig)).values():
         fault, size = one.fault, one.fault.size
-        unit, factor = shown_in(size.quantity) if size else ("", 1.0)
+        unit, factor = shown_unit(size.quantity) if size else ("", 1.0)
         rows.append(
             {
                 "name": one.name,

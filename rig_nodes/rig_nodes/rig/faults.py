@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..base import RigError, brief, check_keys, find_of_rigs, load_yaml, quantity, shown_in, span, unknown, where_of
+from ..base import UNITS, RigError, brief, check_keys, find_of_rigs, load_yaml, quantity, shown_in, span, unknown, where_of
 from ..plant import GROWING, INTERMITTENT, MESSAGES, ONSETS, TRANSDUCER, Fault, faults, uniform
 from .quantities import DIMENSIONS
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .configuration import RigConfig
 
 RANDOM, DRAWS = "random", 1 << 34  # in place of an order, and number of the first channel of the values that draw it
+FAULT_ON, FAULT_OFF, FAULT_ORDERED = "fault_on", "fault_off", "fault_ordered"  # names of the rig's events
 FAULTS = "faults"  # key of the orders that a run begins with, among the changed values of a rig
 ENABLED, APART = "on", ";"  # without orders, and what stands between two
 KEYS = ("name", "size", "onset", "over", "period", "share", "at", "when", "for", "off")
@@ -29,6 +30,8 @@ OVER, PERIOD, SHARE = 5.0, 0.2, 0.5  # s, s and a share: of a fault that grows o
 LEAST_PERIOD, LONGEST_TIME = 2e-3, 86_400.0  # s: two samples, and a day
 HOW = 'enable them with --faults, or in Python by rig_nodes.load(NAME, faults="on")'
 ABOVE, BELOW = "above", "below"
+# units in which people read sizes, where it is not the SI unit
+SHOWN = {"length": "mm", "area": "mm2", "pressure": "MPa", "ratio": "%", "time": "ms", "hydraulic resistance": "bar/(l/min)"}
 
 
 @dataclass(frozen=True)
@@ -114,8 +117,8 @@ class FaultOrder:
         size = self.of.fault.size
         if size is None:
             return ""
-        unit, factor = shown_in(size.quantity)
-        return f"{self.size / factor:.4g}{'' if unit == '-' else f' {unit}'}"
+        unit, factor = shown_unit(size.quantity)
+        return f"{self.size / factor:.4g} {unit}"
 
     def sentence(self) -> str:
         """Return the text of its event: name, parameter with size and unit, onset."""
@@ -126,6 +129,12 @@ class FaultOrder:
             else f": {self.of.fault.text[0].lower()}{self.of.fault.text[1:-1]}"
         )
         return f"{self.of.name}{what}, {self.onset}"
+
+
+def shown_unit(quantity: str) -> tuple[str, float]:
+    """Return the unit in which people read the size of a fault, and its factor to SI."""
+    unit = SHOWN.get(quantity)
+    return (unit, UNITS[unit][1]) if unit else shown_in(quantity)
 
 
 def faults_of(config: RigConfig) -> dict[str, FaultOfRig]:
@@ -332,7 +341,7 @@ def random_fault(rig: str, seed: int, number: int, settings: Mapping[str, str]) 
     text, size = f"{of.name}, at={2.0 + 8.0 * when:.3f} s", of.fault.size
     if size is None:
         return text
-    unit, factor = shown_in(size.quantity)
+    unit, factor = shown_unit(size.quantity)
     return f"{text}, size={min(max(size.usual * (0.5 + how), size.low), size.high) / factor:.4g} {unit}"
 
 

@@ -13,10 +13,11 @@ from typing import Any
 
 from ..base import RIGS, installed
 from .configuration import load_rig
+from .faults import FAULTS
 from .sections import LOGGER_RATE
 from .settings import INSTRUMENTS, Settings
 
-NOT_SETTINGS = ("name", "structure")
+NOT_SETTINGS = ("name", "structure", FAULTS)
 
 
 def changed_settings(record: Mapping) -> tuple[list[tuple[str, str, str]], str]:

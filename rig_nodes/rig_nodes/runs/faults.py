@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..base import SAMPLE, TICK_SAMPLES, RigError
 from ..plant import GROWING, HIGH, INTERMITTENT, LOW, MESSAGES, TRANSDUCER, uniform
-from ..rig import FaultOrder, faults_of, read_fault
+from ..rig import FAULT_OFF, FAULT_ON, FAULT_ORDERED, FaultOrder, faults_of, read_fault
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from .rig import Rig
 
-ON, OFF, ORDERED = "fault_on", "fault_off", "fault_ordered"  # names of the events
 NEVER = 1 << 62  # sample that does not come
 DRAWS = 1 << 33  # number of the first channel of random values of messages
 LATE, LOST, DOUBLED, CORRUPTED = "late", "lost", "doubled", "corrupted"
@@ -181,7 +180,7 @@ class Faults:
             When the rig refuses it.
         """
         order = self.check(text)
-        self._tell(ORDERED, order.text, order.size)
+        self._tell(FAULT_ORDERED, order.text, order.size)
         self._take(order)
         self.act()
 
@@ -219,7 +218,7 @@ class Faults:
         for state, by in one.shifts.items():
             states[state] -= by
         if one.began >= 0:
-            self._tell(OFF, f"{one.order.of.name} ended", 0.0)
+            self._tell(FAULT_OFF, f"{one.order.of.name} ended", 0.0)
 
     def _tell(self, name: str, text: str, value: float) -> None:
         self._news.append(News(self._rig.sample, name, text, value))
@@ -239,7 +238,7 @@ class Faults:
         for one in list(self.acting):
             if one.began < 0 and sample >= one.due and self._triggered(one, sample):
                 one.began = sample
-                self._tell(ON, one.order.sentence(), one.order.size if one.order.of.fault.size else 1.0)
+                self._tell(FAULT_ON, one.order.sentence(), one.order.size if one.order.of.fault.size else 1.0)
             if one.began < 0:
                 continue
             if (sample - one.began) * SAMPLE >= one.order.lasts:

@@ -21,7 +21,7 @@ from ..analysis import Gathered
 from ..bags import BagWriter, OpenedBags, canonical_hash, encoder
 from ..base import SAMPLE, SAMPLE_NS, SWITCH, RigError, Uninterrupted
 from ..controllers import LEVELS, ControllerFailed, Plug
-from ..rig import CHANGED, CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, SHIFT_ORDERED, RigConfig, Settings
+from ..rig import CHANGED, CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, FAULT_ORDERED, SHIFT_ORDERED, RigConfig, Settings
 from .bag_outputs import BagOutputs
 from .outputs import Outputs
 from .rig import Rig
@@ -200,6 +200,12 @@ def _act(rig: Rig, outputs: Outputs, found: _Inputs, sample: int, notes: list[st
                 notes.append(f"at {rig.time:.3f} s '{text}' could not be repeated, as the rig has no such setting")
                 continue
             rig.set_value(setting, value != 0.0 if rig.settings[setting].dimension == SWITCH else value)
+        elif topic == RIG_EVENTS and name == FAULT_ORDERED:
+            if rig.faults is None:
+                notes.append(f"at {rig.time:.3f} s the fault '{text}' was not repeated, as the rig has its faults disabled")
+                continue
+            rig.order_fault(text)  # which the rig says itself
+            continue
         elif topic == RIG_EVENTS:
             continue  # the rig says itself what happens to it
         outputs.event(topic, name, text, value)

@@ -28,7 +28,14 @@ from ..analysis import (
 )
 from ..rig import Transmission
 
-LEVELS = (("tripped", "ERROR"), ("failed", "ERROR"), ("e_stop", "ERROR"), ("refused", "WARN"), ("aborted", "WARN"))
+LEVELS = (
+    ("tripped", "ERROR"),
+    ("failed", "ERROR"),
+    ("e_stop", "ERROR"),
+    ("refused", "WARN"),
+    ("fault_on", "WARN"),
+    ("aborted", "WARN"),
+)
 ARROW = " → "
 WIDEST = 4  # largest number of shifts side by side; with more, the table is transposed
 

@@ -89,6 +89,8 @@ class _Page:
             panels, constant = [self._panel(part) for plot in self.plots for part in self._parts(plot)], []
         run, rows = self.report["run"], self.report["shifts"]
         way = self.pages.box.way if self.pages.box else None
+        moments = [Moment(row["t_order_s"], way(row["from_gear"], row["to_gear"], " → "), "") for row in rows if way]
+        moments += [Moment(one["from_s"], one["name"], "") for one in run.get("faults") or ()]
         return Description(
             f"{self.title}: {run.get('description') or run.get('sequence') or 'run'}",
             f"constant: {', '.join(map(self._value, constant))}" if constant else "",
@@ -97,7 +99,7 @@ class _Page:
             columns,
             tuple(panels),
             tuple(Stretch(one.name, (), one.start, one.end) for row in rows for one in phases_of(row)),
-            tuple(Moment(row["t_order_s"], way(row["from_gear"], row["to_gear"], " → "), "") for row in rows if way),
+            tuple(sorted(moments, key=lambda one: one.t)),
         )
 
     def _value(self, name: str) -> str:

@@ -30,6 +30,7 @@ from ..analysis import (
     asked_of_input,
     bounds_of,
     every_metric,
+    faults_at,
     lever_of,
     moments_of,
     odd_width,
@@ -240,6 +241,9 @@ class _Shift:
         set_ += [f"{name} {value}" for name, _, value in changed[:MOST_CHANGED]]
         set_ += [f"{len(changed) - MOST_CHANGED} more settings changed"] if len(changed) > MOST_CHANGED else []
         set_ += [f"{name} {value}" for name, value in (row.get("loops") or {}).items()]
+        ill = faults_at(run.get("faults") or (), row["t_order_s"], row["t_order_s"] + 1e-3 * self.end)
+        set_ += [f"fault {name}" for name in ill[:MOST_CHANGED]]
+        set_ += [f"{len(ill) - MOST_CHANGED} more faults"] if len(ill) > MOST_CHANGED else []
         how = {"simulate": "simulated", "import": "imported"}.get(run.get("mode") or "", "")
         of = f" of {run['sequence']}" if run.get("sequence") else ""
         origin = [f"shift {self.number} at {row['t_order_s']:.3f} s{of}", how]
