@@ -17,10 +17,10 @@ NOT_YET = -1
 
 
 @njit(cache=True)
-def look(watch, numbers, log, samples):
+def look(watch, numbers, row, samples):
     """Look for so many samples; return the first in which a trip fires, counted from 0, or NOT_YET."""
     for sample in range(samples):
-        if watched(watch, numbers, log, 0) == TRIPPED:
+        if watched(watch, numbers, row) == TRIPPED:
             return sample
     return NOT_YET
 
@@ -30,7 +30,7 @@ class Made:
 
     def __init__(self, trip, world):
         self.trip, self.one = trip, Watched([trip], world)
-        self.numbers, self.log = np.zeros(len(world.numbers)), np.zeros((1, len(world.plan.channels)), order="F")
+        self.numbers, self.row = np.zeros(len(world.numbers)), np.zeros(len(world.plan.channels))
         self.samples = round(trip.delay / 1e-3)
 
     def hold(self, value, fulfilled=True):
@@ -56,10 +56,10 @@ class Made:
             elif place < len(self.numbers):
                 self.numbers[place] = number
             else:
-                self.log[0, place - len(self.numbers)] = number
+                self.row[place - len(self.numbers)] = number
 
     def look(self, samples):
-        return look(self.one.arrays, self.numbers, self.log, samples)
+        return look(self.one.arrays, self.numbers, self.row, samples)
 
 
 @pytest.fixture(scope="module", params=list(rig_folders()))
@@ -78,7 +78,7 @@ def test_every_trip_fires_once_its_delay_after_it_crosses_its_limit_and_not_at_o
     for each in made:
         trip = each.trip
         if trip.rises:
-            each.hold(0.0, fulfilled=False)
+            each.hold(0.0)
             assert each.look(1) == NOT_YET
         each.hold(beyond(trip, -0.01))
         assert each.look(each.samples + 10) == NOT_YET, trip.name

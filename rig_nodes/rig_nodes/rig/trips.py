@@ -373,7 +373,7 @@ def _plates(config: RigConfig, clutch: Device) -> Iterator[Trip]:
     slips = Condition(_slip(clutch), True, 1.0, f"{clutch.called} slips")
     presses = Condition(Sum("torque", ((f"{clutch.name}.static", 1.0),)), True, 1.0, "its plates touch")
     limit, source = pack.heat_capacity * (HOT - NEW), f"heat_capacity by {HOT - NEW:g} K: what heats them to {HOT:g} degC"
-    yield Trip(f"slip_energy_{clutch.name}", heat, "energy", limit, source, TOO_HIGH, 0.0, True, (slips, presses), True)
+    yield Trip(f"slip_energy_{clutch.name}", heat, "energy", limit, source, TOO_HIGH, 0.0, True, (presses, slips), True)
 
 
 def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:

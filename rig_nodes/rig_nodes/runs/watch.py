@@ -20,6 +20,11 @@ from ..rig import GEAR, HYSTERESIS, MEASURED, SHIFTING, Sum, Trip
 _SAID = {GEAR: -1, SHIFTING: -2}  # places of what the controller reports
 
 
+def _is_measured(trip: Trip) -> bool:
+    """Return whether a trip's quantity is what a transducer shows."""
+    return any(name.startswith(MEASURED) for name, _ in trip.quantity.terms)
+
+
 class Watched:
     """The trips of a rig that runs.
 
@@ -42,23 +47,32 @@ class Watched:
     """
 
     def __init__(self, trips: Sequence[Trip], world: World) -> None:
-        self.trips, self._world, self._channels = tuple(trips), world, list(world.plan.channels)
+        self._world, self._channels = world, list(world.plan.channels)
+        self.trips = tuple(sorted(trips, key=_is_measured))
         self._sums: list[tuple[list[tuple[int, float]], bool]] = []
         records, conditions = np.zeros(len(self.trips), TRIP), []
-        for one, trip in zip(records, self.trips):
+        look, places = np.zeros((len(self.trips), 4)), np.zeros((len(self.trips), 2), np.uint64)
+        for k, (one, trip) in enumerate(zip(records, self.trips)):
             way = 1.0 if trip.above else -1.0
             one["sum"], one["delay"] = self._sum(trip.quantity, way), round(trip.delay / SAMPLE)
             one["limit"], one["clear"] = way * trip.limit, way * trip.clear
             one["near"] = one["near_clear"] = math.inf
             if trip.warning is not None:
                 one["near"], one["near_clear"] = trip.warning, trip.warning * (1.0 - HYSTERESIS)
-            one["low"], one["rises"] = min(one["near_clear"], one["clear"]), trip.rises
-            one["first"] = len(conditions)
+            one["rises"], one["begin"] = trip.rises, len(conditions)
             conditions += [(self._sum(each.sum, 1.0), 1.0 if each.above else -1.0, each.threshold) for each in trip.enabled]
-            one["last"] = len(conditions)
+            one["end"] = len(conditions)
+            first, low = int(one["sum"]), min(one["near_clear"], one["clear"])
+            if trip.rises:  # it counts from the moment at which its conditions hold, of which the first is a value above another
+                first, low = conditions[int(one["begin"])][0], trip.enabled[0].threshold
+            places[k], look[k] = self._first_look(first, low)
+            one["quiet"] = look[k, -1]
         terms = [term for sum_, _ in self._sums for term in sum_]
         self.arrays = Watch(
             records,
+            look,
+            places,
+            sum(not _is_measured(trip) for trip in self.trips),
             np.cumsum([0, *(len(sum_) for sum_, _ in self._sums)]),
             np.array([place for place, _ in terms], np.int64),
             np.array([weight for _, weight in terms], float),
@@ -67,6 +81,18 @@ class Watched:
             np.array([[sign for _, sign, _ in conditions], [sign * value for _, sign, value in conditions]], float),
             np.zeros(len(_SAID)),
         )
+
+    def _first_look(self, number: int, low: float) -> tuple[list[int], list[float]]:
+        """Return places and row of a sum that must be above ``low`` for a trip; where it does not fit, all is always looked at."""
+        terms, magnitude = self._sums[number]
+        finite, sign = self._world.finite, -1.0 if magnitude else 1.0
+        inside = [term for term in terms if term[0] < finite]
+        measured = [(place - finite, weight) for place, weight in terms if place >= finite]
+        if len(measured) > 1 or len(terms) > 2:
+            return [0, 0], [0.0, 0.0, 1.0, -math.inf]
+        both = [*inside, (0, 0.0), *measured] if measured else [*inside, (0, 0.0)]
+        (first, weight), (second, other) = both[0], both[-1 if measured else 1]
+        return [first, second], [weight, other, sign, low]
 
     def _sum(self, quantity: Sum, way: float) -> int:
         """Add a sum, with its weights times ``way``, and return its number."""
@@ -116,5 +142,6 @@ class Watched:
 
     def reset(self) -> None:
         """Watch anew from now on."""
-        for name in ("count", "near_count", "latched", "warned", "told"):
+        for name in ("count", "near_count", "counts", "latched", "warned", "told"):
             self.arrays.trips[name] = 0
+        self.arrays.first_look[:, -1] = self.arrays.trips["quiet"]

@@ -277,11 +277,11 @@ def keep_encoders(shown: Record, counts: Floats, slot: int) -> None:
 
 
 @njit(**INLINED)
-def look(sample: int, drive: int, numbers: Floats, law: Law, log: Floats, row: int, watch: Watch) -> int:
+def look(sample: int, drive: int, numbers: Floats, law: Law, shown: Record, watch: Watch) -> int:
     """Look at the trips after a sample, with what the embedded law reports if it drives; see :func:`watch.watched`."""
     if drive == BY_LAW:
         watch.said[0], watch.said[1] = law.state[0].gear, 1.0 if sample < law.state[0].shift_end else 0.0
-    return watched(watch, numbers, log, row)
+    return watched(watch, numbers, shown.row)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
@@ -358,7 +358,7 @@ def advance(
             elif world.driveline.count[N_CAPPED] != capped:
                 how = NOT_SETTLED
             elif world.safe == 0.0:
-                how = look(s, drive, numbers, law, log, newest, watch)
+                how = look(s, drive, numbers, law, shown, watch)
         if reached % TICK_SAMPLES == 0:
             put_moment(rings.moments, rings.capacities, reached // TICK_SAMPLES, moved, world)
         if how != WHOLE:

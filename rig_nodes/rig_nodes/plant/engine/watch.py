@@ -16,20 +16,25 @@ from ...base import INLINED, INNER, njit
 from .outcome import TRIPPED, WARNED, WHOLE
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
     from ...base import Floats, Ints, Record
 
-# sum: number of its quantity among the sums; first, last: its conditions; rises > 0: the quantity counts from the sample at which
-# all conditions became true, when it was base; limit, clear: value above which its time runs, and at which this begins anew; near,
-# near_clear: the same of the warning; low: at or below it nothing happens; delay: samples; count, near_count: samples for which the
-# criterion has held; latched, warned: 1 since it tripped or warned; told: 1 since people know it; value: quantity at that time
+# sum: number of its quantity among the sums; begin, end: its conditions; rises > 0: the quantity counts from base, its value in
+# the first sample in which all conditions held; quiet: LOW of its first look while nothing counts; limit, clear: value above which
+# its time runs, and at which this begins anew; near, near_clear: the same of the warning; delay: samples; count, near_count:
+# samples for which the criterion has held; counts: 1 since base; latched, warned: 1 since it tripped or warned; told: 1 since
+# people know it; value: quantity at that time
 TRIP = np.dtype(
     [
-        *((name, "i8") for name in ("sum", "first", "last", "delay")),
-        *((name, "f8") for name in ("rises", "limit", "clear", "near", "near_clear", "low")),
-        *((name, "i8") for name in ("count", "near_count", "latched", "warned", "told")),
+        *((name, "i8") for name in ("sum", "begin", "end", "delay")),
+        *((name, "f8") for name in ("rises", "quiet", "limit", "clear", "near", "near_clear")),
+        *((name, "i8") for name in ("count", "near_count", "counts", "latched", "warned", "told")),
         *((name, "f8") for name in ("base", "value")),
     ]
 )
+# columns of Watch.first_look: weights of two numbers, -1 where the sign of their sum does not count, and what it must exceed
+WEIGHT, OTHER, SIGN, LOW = range(4)
 
 
 class Watch(NamedTuple):
@@ -39,10 +44,16 @@ class Watch(NamedTuple):
     ----------
     trips : (trips,) record array of TRIP
         The trips; a criterion "below" has its weights and limits with the other sign.
+    first_look : (trips, 4) array of float
+        A sum of two numbers for each trip, at or below whose LOW nothing of it can be true; -inf as long as something counts.
+    first_places : (trips, 2) array of uint64
+        The places of these numbers: both in the world for the first ``inside`` trips, else one there and one in the shown row.
+    inside : int
+        Number of these trips.
     first : (sums + 1,) array of int64
         First term of each sum.
     places : (terms,) array of int64
-        Where a term's number is: in the world; behind it, in the columns of the logger's row; below 0, in ``said``.
+        Where a term's number is: in the world; behind it, in the row that the transducers show; below 0, in ``said``.
     weights : (terms,) array of float
         Weights of the terms.
     magnitudes : (sums,) array of int64
@@ -56,6 +67,9 @@ class Watch(NamedTuple):
     """
 
     trips: Record
+    first_look: Floats
+    first_places: npt.NDArray[np.uint64]
+    inside: int
     first: Ints
     places: Ints
     weights: Floats
@@ -66,8 +80,8 @@ class Watch(NamedTuple):
 
 
 @njit(**INLINED)
-def summed(k: int, watch: Watch, numbers: Floats, log: Floats, row: int) -> float:
-    """Return a sum of numbers of the world, of a row of the logger and of what the controller reports."""
+def summed(k: int, watch: Watch, numbers: Floats, row: Floats) -> float:
+    """Return a sum of numbers of the world, of what the transducers show and of what the controller reports."""
     total = 0.0
     for t in range(watch.first[k], watch.first[k + 1]):
         place = watch.places[t]
@@ -76,15 +90,15 @@ def summed(k: int, watch: Watch, numbers: Floats, log: Floats, row: int) -> floa
         elif place < numbers.shape[0]:
             total += watch.weights[t] * numbers[place]
         else:
-            total += watch.weights[t] * log[row, place - numbers.shape[0]]
+            total += watch.weights[t] * row[place - numbers.shape[0]]
     return abs(total) if watch.magnitudes[k] else total
 
 
 @njit(**INLINED)
-def enabled(one: Record, watch: Watch, numbers: Floats, log: Floats, row: int) -> bool:
+def enabled(one: Record, watch: Watch, numbers: Floats, row: Floats) -> bool:
     """Return whether all conditions of a trip hold."""
-    for c in range(one.first, one.last):
-        if not watch.thresholds[0, c] * summed(watch.conditions[c], watch, numbers, log, row) > watch.thresholds[1, c]:
+    for c in range(one.begin, one.end):
+        if not watch.thresholds[0, c] * summed(watch.conditions[c], watch, numbers, row) > watch.thresholds[1, c]:
             return False
     return True
 
@@ -96,8 +110,41 @@ def counted(count: int, value: float, limit: float, clear: float) -> int:
 
 
 @njit(**INNER)
-def watched(watch: Watch, numbers: Floats, log: Floats, row: int) -> int:
+def looked_at(one: Record, value: float) -> int:
+    """Look at a trip whose conditions hold, by its quantity; the result is that of :func:`watched`."""
+    how = WHOLE
+    if one.rises > 0.0:
+        if one.counts == 0:
+            one.counts, one.base = 1, value
+        value -= one.base
+    one.near_count = counted(one.near_count, value, one.near, one.near_clear)
+    if one.near_count == 0:
+        one.warned = one.told = 0
+    elif one.near_count > one.delay and one.warned == 0:
+        one.warned, one.value, how = 1, value, WARNED
+    one.count = counted(one.count, value, one.limit, one.clear)
+    if one.count > one.delay:
+        one.latched, one.value, how = 1, value, TRIPPED
+    return how
+
+
+@njit(**INLINED)
+def looked_closer(k: int, watch: Watch, numbers: Floats, row: Floats) -> int:
+    """Look at a trip of which something may be true; the result is that of :func:`watched`."""
+    one, how = watch.trips[k], WHOLE
+    if enabled(one, watch, numbers, row):
+        how = looked_at(one, summed(one.sum, watch, numbers, row))
+    else:
+        one.count = one.near_count = one.counts = one.warned = one.told = 0
+    watch.first_look[k, LOW] = -np.inf if one.count + one.near_count + one.counts > 0 else one.quiet
+    return how
+
+
+@njit(**INLINED)
+def watched(watch: Watch, numbers: Floats, row: Floats) -> int:
     """Look at all trips after a sample.
+
+    Nothing can be true of most of them by one sum of two terms, which is looked at first.
 
     Parameters
     ----------
@@ -105,38 +152,18 @@ def watched(watch: Watch, numbers: Floats, log: Floats, row: int) -> int:
         The trips, which it changes.
     numbers : array of float
         The beginning of the world [SI].
-    log : (rows, channels) array of float
-        The ring of the logger's rows.
-    row : int
-        Row of this sample.
+    row : (channels,) array of float
+        What the transducers show.
 
     Returns
     -------
     int
         WHOLE, WARNED for a new warning, TRIPPED for a trip.
     """
-    how = WHOLE
-    for k in range(watch.trips.shape[0]):
-        one = watch.trips[k]
-        value = summed(one.sum, watch, numbers, log, row)
-        if one.rises > 0.0:
-            if not enabled(one, watch, numbers, log, row):
-                one.base = value
-            value -= one.base
-        if value <= one.low:
-            one.count = one.near_count = one.warned = one.told = 0
-            continue
-        if not enabled(one, watch, numbers, log, row):
-            one.count = one.near_count = 0
-            continue
-        one.near_count = counted(one.near_count, value, one.near, one.near_clear)
-        if one.near_count == 0:
-            one.warned = one.told = 0
-        elif one.near_count > one.delay and one.warned == 0:
-            one.warned, one.value = 1, value
-            how = max(how, WARNED)
-        one.count = counted(one.count, value, one.limit, one.clear)
-        if one.count > one.delay:
-            one.latched, one.value = 1, value
-            how = TRIPPED
+    how, look, places = WHOLE, watch.first_look, watch.first_places
+    for k in range(look.shape[0]):
+        second = numbers[places[k, 1]] if k < watch.inside else row[places[k, 1]]
+        value = look[k, WEIGHT] * numbers[places[k, 0]] + look[k, OTHER] * second
+        if value > look[k, LOW] or look[k, SIGN] * value > look[k, LOW]:
+            how = max(how, looked_closer(k, watch, numbers, row))
     return how
