@@ -20,7 +20,7 @@ from rig_nodes.rig.configuration import RigConfig, load_rig
 from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
 from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.studies.validation.figures import Figure, Series
+from rig_nodes.view import Description, Line, chart, write_charts
 
 HERE, RIG = Path(__file__).parent, "chain_saw"
 WORN = {"clutch.shoe_mass": "41.07 g"}
@@ -33,14 +33,14 @@ def ran(name: str, settings: dict[str, str] | None = None) -> tuple[RigConfig, R
     return config, of_run(record(config, load_sequence(name, rig=RIG)), config)
 
 
-def line(name: str, x: np.ndarray, y: np.ndarray, dashed: bool = False) -> Series:
+def line(name: str, x: np.ndarray, y: np.ndarray, dashed: bool = False) -> Line:
     """A line."""
-    return Series(name, [round(float(v), 4) for v in x], [round(float(v), 4) for v in y], marks=False, dashed=dashed)
+    return Line(name, [round(float(v), 4) for v in x], [round(float(v), 4) for v in y], marks=False, dashed=dashed)
 
 
-def marks(name: str, x: np.ndarray, y: np.ndarray) -> Series:
+def marks(name: str, x: np.ndarray, y: np.ndarray) -> Line:
     """Points without a line."""
-    return Series(name, [round(float(v), 4) for v in x], [round(float(v), 4) for v in y], line=False)
+    return Line(name, [round(float(v), 4) for v in x], [round(float(v), 4) for v in y], line=False)
 
 
 def turns(run: Recorded) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -53,7 +53,7 @@ def turns(run: Recorded) -> list[tuple[np.ndarray, np.ndarray]]:
     return [(np.arange(b, e), angle[b:e] - 2.0 * np.pi * np.floor(angle[b] / (2.0 * np.pi))) for b, e in cut]
 
 
-def characteristics() -> Figure:
+def characteristics() -> Description:
     """Torque of the engine and of the clutch over the speed: fig. 2 of the paper."""
     w = np.linspace(300.0, 1250.0, 191)
     series = []
@@ -63,10 +63,10 @@ def characteristics() -> Figure:
     engine = load_rig(RIG).engine
     series.append(line("engine, open throttle", w, np.array([full_torque.py_func(one, engine) for one in w])))
     series.append(marks("printed", np.array([347.0, 376.0, 950.0, 950.0, 950.0, 838.0]), np.array([0, 0, 10.23, 8.61, 13.31, 3.4])))
-    return Figure("Clutch and engine over the speed of the crank", "speed [rad/s]", "torque [Nm]", series)
+    return chart("Clutch and engine over the speed of the crank", "speed [rad/s]", "torque [Nm]", series)
 
 
-def one_turn(config: RigConfig, run: Recorded) -> Figure:
+def one_turn(config: RigConfig, run: Recorded) -> Description:
     """A turn that slips: the torque that the paper asks for, what the clutch carries, and the torque of the run."""
     found = turns(run)
     inertia = config.drum.inertia + chain_inertia(config.chain)
@@ -83,7 +83,7 @@ def one_turn(config: RigConfig, run: Recorded) -> Figure:
     at = np.radians(degrees)
     asked = inertia * delta * mean**2 * np.cos(at) + MEAN * (1.0 - np.cos(at))
     capacity = np.array([clutch_torque(config.clutch, one) for one in w[rows]])
-    return Figure(
+    return chart(
         "A turn that slips, worn shoes: static condition (13) and run",
         "angle of the crank from the upper dead centre [deg]",
         "torque [Nm]",
@@ -97,7 +97,7 @@ def one_turn(config: RigConfig, run: Recorded) -> Figure:
     )
 
 
-def scatter(config: RigConfig, run: Recorded) -> Figure:
+def scatter(config: RigConfig, run: Recorded) -> Description:
     """Each turn by its irregularity and its largest torque of the clutch, with the line of (11)."""
     inertia, points = config.drum.inertia + chain_inertia(config.chain), []
     slip = np.abs(run["n_engine"] - run["n_drum"]) > 1.0
@@ -108,7 +108,7 @@ def scatter(config: RigConfig, run: Recorded) -> Figure:
     delta, torque, slips = (np.array(one) for one in zip(*points))
     x = np.array([0.0, 0.085])
     capacity = clutch_torque(config.clutch, 945.0)
-    return Figure(
+    return chart(
         "Turns of a cut, worn shoes: scatter of combustion and wood",
         "irregularity of the turn [-]",
         "largest torque of the clutch [Nm]",
@@ -121,7 +121,7 @@ def scatter(config: RigConfig, run: Recorded) -> Figure:
     )
 
 
-def shares() -> Figure:
+def shares() -> Description:
     """Share of turns that slip over the bar's length, static, in runs and printed."""
     table = calculations_of(RIG)["slips"].table(load_rig(RIG))
     bars, series = (13, 15, 18, 20), []
@@ -134,11 +134,11 @@ def shares() -> Figure:
             found.append(100.0 * calculations_of(RIG)["cut"].table(config, run).cell({}, "slipping"))
         series.append(marks(f"{name}, run", np.array(bars), np.array(found)))
     series.append(marks("printed", np.array([13, 15, 15]), np.array([2.36, 3.8, 14.1])))
-    return Figure("Share of turns that slip over the length of the bar", "bar [in]", "share of turns [%]", series)
+    return chart("Share of turns that slip over the length of the bar", "bar [in]", "share of turns [%]", series)
 
 
-def losses() -> Figure:
-    """Loss by slip over the bar's length with new shoes, by each definition and printed, as its decimal logarithm."""
+def losses() -> Description:
+    """Loss by slip over the bar's length with new shoes, by each definition and printed."""
     table = calculations_of(RIG)["slips"].table(load_rig(RIG))
     bars, series = (13, 15, 18, 20), []
     names = {
@@ -150,14 +150,14 @@ def losses() -> Figure:
     }
     for column, name in names.items():
         values = [100.0 * table.cell({"shoes": "new", "bar": bar}, column) for bar in bars]
-        series.append(line(name, np.array(bars), np.log10(values)))
+        series.append(line(name, np.array(bars), np.array(values)))
     found = []
     for bar in bars:
         config, run = ran("cut", {"chain.bar": f"{bar} in"})
         found.append(100.0 * calculations_of(RIG)["cut"].table(config, run).cell({}, "loss"))
-    series.append(marks("run", np.array(bars), np.log10(found)))
-    series.append(marks("printed", np.array([13, 15, 20]), np.log10([0.75, 1.32, 4.14])))
-    return Figure("Loss by slip with new shoes, by each definition", "bar [in]", "log10 of the loss in %", series)
+    series.append(marks("run", np.array(bars), np.array(found)))
+    series.append(marks("printed", np.array([13, 15, 20]), np.array([0.75, 1.32, 4.14])))
+    return chart("Loss by slip with new shoes, by each definition", "bar [in]", "loss [%]", series, log=(False, True))
 
 
 def draw() -> None:
@@ -170,8 +170,7 @@ def draw() -> None:
         "shares": shares(),
         "losses": losses(),
     }
-    for name, figure in figures.items():
-        (HERE / f"chain_saw_{name}.svg").write_text(figure.svg(), encoding="utf-8")
+    write_charts(((f"chain_saw_{name}", figure) for name, figure in figures.items()), HERE)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from rig_nodes.plant.parts.load_pump import relief_setting_for
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.transmission import transmission_of
 from rig_nodes.runs.rig import Rig
-from rig_nodes.studies.validation.figures import Figure, Series
+from rig_nodes.view import Line, chart, write_charts
 
 HERE = Path(__file__).parent
 TEMPERATURES = (-20, -10, 0, 10, 20, 30, 40, 50, 60, 70, 80, 90)  # degC, kept during the test
@@ -82,17 +82,12 @@ def draw() -> None:
         print(f"{temperature:4d}  " + "  ".join("      -" if x is None else f"{x:7.1f}" for x in rows[-1]), flush=True)
     over = [float(t) for t in TEMPERATURES]
     rise, fill, t_d, drag = ([None if x is None else round(x, 2) for x in column] for column in zip(*rows))
-    times = [
-        Series("order to first rise of p1", over, rise),
-        Series("filling of S1", over, fill),
-        Series("t_d of I to II", over, t_d),
-    ]
+    times = [Line("order to first rise of p1", over, rise), Line("filling of S1", over, fill), Line("t_d of I to II", over, t_d)]
     figures = {
-        "times": Figure("Times over the oil's temperature, 1500 rpm, 60 Nm", "oil [degC]", "time [ms]", times),
-        "drag": Figure("Drag of the open S2 in gear I at 1500 rpm", "oil [degC]", "drag [Nm]", [Series("drag", over, drag)]),
+        "times": chart("Times over the oil's temperature, 1500 rpm, 60 Nm", "oil [degC]", "time [ms]", times),
+        "drag": chart("Drag of the open S2 in gear I at 1500 rpm", "oil [degC]", "drag [Nm]", [Line("drag", over, drag)]),
     }
-    for name, figure in figures.items():
-        (HERE / f"cold_oil_{name}.svg").write_text(figure.svg(), encoding="utf-8")
+    write_charts(((f"cold_oil_{name}", figure) for name, figure in figures.items()), HERE)
 
 
 if __name__ == "__main__":

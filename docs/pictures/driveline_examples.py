@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig_nodes.studies.validation.figures import Figure, Series
+from rig_nodes.view import Description, Line, chart, write_charts
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "how_to" / "driveline_examples.md"
@@ -41,17 +41,16 @@ def left_by(code: str) -> dict:
     return names
 
 
-def picture(title: str, names: dict) -> str:
-    """What an example's `lines` and `over` look like, as SVG."""
+def picture(title: str, names: dict) -> Description:
+    """What an example's `lines` and `over` look like."""
     x_name, x = names["over"]
     every = max(1, len(x) // POINTS)
     series = [
-        Series(name, np.round(x[::every], 6).tolist(), np.round(y[::every], 6).tolist(), marks=False)
+        Line(name, np.round(x[::every], 6).tolist(), np.round(y[::every], 6).tolist(), marks=False)
         for name, y in names["lines"].items()
     ]
-    return Figure(title, x_name, "", series).svg()
+    return chart(title, x_name, "", series)
 
 
 if __name__ == "__main__":
-    for title, code, name in examples():
-        (HERE / name).write_text(picture(title, left_by(code)), encoding="utf-8")
+    write_charts(((Path(name).stem, picture(title, left_by(code))) for title, code, name in examples()), HERE)

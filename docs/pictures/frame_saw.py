@@ -16,7 +16,7 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
 from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.studies.validation.figures import Figure, Series
+from rig_nodes.view import Description, Line, chart, write_charts
 
 HERE = Path(__file__).parent
 RIG, POINTS = "frame_saw", 600  # of a line, about
@@ -36,10 +36,10 @@ def demo(**settings: str) -> Recorded:
     return of_run(record(config, load_sequence("demo", rig=RIG)), config)
 
 
-def line(name: str, x: list | np.ndarray, y: list | np.ndarray, dashed: bool = False) -> Series:
+def line(name: str, x: list | np.ndarray, y: list | np.ndarray, dashed: bool = False) -> Line:
     """A line with a limited number of points."""
     every = max(1, len(x) // POINTS)
-    return Series(
+    return Line(
         name,
         [round(float(v), 4) for v in x[::every]],
         [None if v is None else round(float(v), 4) for v in y[::every]],
@@ -48,12 +48,12 @@ def line(name: str, x: list | np.ndarray, y: list | np.ndarray, dashed: bool = F
     )
 
 
-def tooth_path() -> Figure:
+def tooth_path() -> Description:
     """Depth of a tooth in the wood over its travel, one turn."""
     c = columns("tooth_path")
     y = [-v for v in c["y"]]
     above = [-v for v in c["y_above"]]
-    return Figure(
+    return chart(
         "Path of a tooth against the log over one turn, S_0 = 30 mm",
         "into the wood [mm]",
         "height below the top [mm]",
@@ -66,7 +66,7 @@ def tooth_path() -> Figure:
     )
 
 
-def feed_per_tooth() -> Figure:
+def feed_per_tooth() -> Description:
     """Feed per tooth over the stroke."""
     c, printed = columns("over_stroke"), columns("feed_table")
 
@@ -76,22 +76,22 @@ def feed_per_tooth() -> Figure:
         ]
         return [printed["y"][k] for k in rows], [printed["printed"][k] for k in rows]
 
-    return Figure(
+    return chart(
         "Feed per tooth over the stroke, S_0 = 30 mm",
         "travel y from the top [mm]",
         "feed per tooth S_z [mm]",
         [
             line("r = 0, all teeth", c["y"], c["without"]),
-            Series("r = 0, printed", *cells(0.0), line=False),
+            Line("r = 0, printed", *cells(0.0), line=False),
             line("r = 3.25 mm, all teeth", c["y"], c["swing"]),
-            Series("r = 3.25 mm, printed", *cells(3.25), line=False),
+            Line("r = 3.25 mm, printed", *cells(3.25), line=False),
             line("r = 0, formula (8)", c["y"], c["without_by_8"], dashed=True),
             line("r = 3.25 mm, (8)", c["y"], c["swing_by_8"], dashed=True),
         ],
     )
 
 
-def power(run: Recorded) -> Figure:
+def power(run: Recorded) -> Description:
     """Power of the teeth and of the motor over a turn at the new feed, from the run and by scipy."""
     c = columns("over_turn")
     part = slice(int(28.0 / 1e-4), int(29.0 / 1e-4))
@@ -102,7 +102,7 @@ def power(run: Recorded) -> Figure:
     angle = np.degrees(turned[: last - first])
     motor = (run["M_motor"] * run["n_motor"])[part][first:last]
     teeth = (run["M_saw"] * run["n_crank"])[part][first:last]
-    return Figure(
+    return chart(
         "Power over a turn at 2.1 times the output, motor of 75 kW",
         "angle of the crank from the top [deg]",
         "power [kW]",
@@ -115,7 +115,7 @@ def power(run: Recorded) -> Figure:
     )
 
 
-def speed_dip(runs: dict[str, Recorded]) -> Figure:
+def speed_dip(runs: dict[str, Recorded]) -> Description:
     """Speed of the crank in the demo, as a mean over each turn."""
     series = []
     for name, run in runs.items():
@@ -125,7 +125,7 @@ def speed_dip(runs: dict[str, Recorded]) -> Figure:
         middles, means = 0.5 * (t[1:] + t[:-1]), 60.0 / np.diff(t)
         kept = (middles > 5.0) & (middles < 32.0)
         series.append(line(name, middles[kept], means[kept]))
-    return Figure(
+    return chart(
         "Speed of the crank: old feed from 10 s, 2.1 times it from 15 s to 30 s", "time [s]", "mean of each turn [rpm]", series
     )
 
@@ -140,8 +140,7 @@ def draw() -> None:
         "75 kW, no swing": demo(**{name.replace(".", "__"): value for name, value in OLD.items()}),
     }
     figures = {"path": tooth_path(), "feed": feed_per_tooth(), "power": power(strong), "speed": speed_dip(runs)}
-    for name, figure in figures.items():
-        (HERE / f"frame_saw_{name}.svg").write_text(figure.svg(), encoding="utf-8")
+    write_charts(((f"frame_saw_{name}", figure) for name, figure in figures.items()), HERE)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
 from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
-from rig_nodes.studies.validation.figures import Figure, Series
+from rig_nodes.view import Description, Line, chart, write_charts
 
 HERE = Path(__file__).parent
 RIG, POINTS = "hydmag_coupling", 1500  # of a line, about
@@ -32,18 +32,18 @@ def demo(rig: str, settings: dict[str, str]) -> Recorded:
     return of_run(record(config, load_sequence("demo", rig=rig)), config)
 
 
-def line(name: str, x: np.ndarray, y: np.ndarray, dashed: bool = False) -> Series:
+def line(name: str, x: np.ndarray, y: np.ndarray, dashed: bool = False) -> Line:
     """A line with a limited number of points."""
     every = max(1, len(x) // POINTS)
     kept = slice(None, None, every)
-    return Series(name, [round(float(v), 4) for v in x[kept]], [round(float(v), 3) for v in y[kept]], marks=False, dashed=dashed)
+    return Line(name, [round(float(v), 4) for v in x[kept]], [round(float(v), 3) for v in y[kept]], marks=False, dashed=dashed)
 
 
-def characteristic() -> Figure:
+def characteristic() -> Description:
     """Torque over twist, both ways, of the rig's straight springs and of the discs."""
     table = calculations_of(RIG)["characteristic"].table(load_rig(RIG))
     c = {name: np.array(column) for name, column in zip(table.columns, zip(*table.in_units()))}
-    return Figure(
+    return chart(
         "Characteristic of the coupling: winding above, unwinding below",
         "twist [turns]",
         "torque [Nm]",
@@ -56,17 +56,17 @@ def characteristic() -> Figure:
     )
 
 
-def shift(runs: dict[str, Recorded], number: int, title: str, begin: float, end: float) -> Figure:
+def shift(runs: dict[str, Recorded], number: int, title: str, begin: float, end: float) -> Description:
     """Torque at the gearbox's input from begin to end [s] after one order of a gear."""
     series = []
     for name, run in runs.items():
         at = [at for at, event, *_ in run.events if event == ORDERED][number]
         part = (run.t >= at + begin) & (run.t < at + end)
         series.append(line(name, 1e3 * (run.t[part] - at), run["M_wej"][part]))
-    return Figure(title, "time since the order [ms]", "M_wej [Nm]", series)
+    return chart(title, "time since the order [ms]", "M_wej [Nm]", series)
 
 
-def sweep(folder: Path) -> Figure:
+def sweep(folder: Path) -> Description:
     """Largest torque of the upshift and smallest of the downshift over the stiffness of the springs, for each play."""
     rows = pq.read_table(folder / "results.parquet").to_pylist()
     series = []
@@ -74,14 +74,15 @@ def sweep(folder: Path) -> Figure:
         for way, gears, what in (("I-II", "1-2", "highest"), ("II-I", "2-1", "lowest")):
             own = [row for row in rows if row["coupling.play"] == play and row["table.shift"] == gears]
             series.append(
-                Series(
+                Line(
                     f"{what} {way}, {play:g} deg",
-                    [float(np.log10(row["coupling.spring_rate"])) for row in own],
+                    [row["coupling.spring_rate"] for row in own],
                     [row[f"table.{what}"] for row in own],
                     dashed=way == "II-I",
                 )
             )
-    return Figure("M_wej in both shifts over springs and play", "stiffness of the springs [log10 N/mm]", "M_wej [Nm]", series)
+    title, across = "M_wej in both shifts over springs and play", "stiffness of the springs [N/mm]"
+    return chart(title, across, "M_wej [Nm]", series, log=(True, False))
 
 
 def draw(folder: Path) -> None:
@@ -93,8 +94,7 @@ def draw(folder: Path) -> None:
         "down": shift(runs, 2, "Shift II-I of the demo: torque behind the coupling", 0.35, 0.75),
         "sweep": sweep(folder),
     }
-    for name, figure in figures.items():
-        (HERE / f"hydmag_coupling_{name}.svg").write_text(figure.svg(), encoding="utf-8")
+    write_charts(((f"hydmag_coupling_{name}", figure) for name, figure in figures.items()), HERE)
 
 
 if __name__ == "__main__":

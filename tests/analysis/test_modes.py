@@ -5,17 +5,19 @@
 
 import json
 import math
-import xml.etree.ElementTree as ElementTree
+import re
 
 import numpy as np
 import pytest
 
+from rig_nodes.analysis import modes as analysis
 from rig_nodes.analysis.modes import spectrum, system_of
 from rig_nodes.cli.main import main
 from rig_nodes.driveline.builder import Driveline
 from rig_nodes.driveline.run import run
 from rig_nodes.driveline.vibration import modes, response, sensitivities
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.view import draw_figure, figure_of_modes
 
 HEAD = """\
 description: written by a test
@@ -186,9 +188,28 @@ def test_the_verb_tells_the_response_and_draws_all_charts(two_masses, tmp_path, 
     picture = tmp_path / "modes.svg"
     assert main(["modes", two_masses, "--response", "--band", "5 Hz", "100 Hz", "--picture", str(picture)]) == 0
     assert "steady response to a harmonic torque on a, 5 to 100 Hz" in capsys.readouterr().out
-    words = " ".join(element.text or "" for element in ElementTree.parse(picture).iter())
-    for one in ("mode shapes", "critical speeds", "order 2", "1 Nm on a"):
+    words = re.findall(r"<!-- (.*?) -->", picture.read_text())
+    for one in ("Mode shapes: amplitude, the largest 1", "Critical speeds", "order 2", "Torque in the shafts under 1 Nm on a"):
         assert one in words
+    assert any(re.fullmatch(r"\d+ rpm", one) for one in words), "critical speeds are named"
+
+
+def test_the_figure_of_modes_has_real_logarithmic_axes_and_names_each_critical_speed(two_masses):
+    config = load_rig(two_masses)
+    system, (state, *_) = analysis.system_of(config), analysis.states_of(config)
+    found = analysis.found_in(system, state)
+    critical = analysis.critical_speeds(found.modes, "a", [1.0, 2.0], (50.0, 1000.0))
+    answer = analysis.response_of(system, state, "a", (5.0, 100.0))
+    described = figure_of_modes(config, found, ("a", [1.0, 2.0], (50.0, 1000.0), critical), answer, None)
+    shapes, speeds, response = described.panels
+    assert shapes.across.names == ("a", "b")
+    assert sorted(one.text for one in speeds.rings) == sorted(f"{one.speed * 30.0 / np.pi:.0f} rpm" for one in critical) != []
+    assert response.log and response.across.log
+    for curve, ring in zip(response.curves, response.rings):
+        assert ring.y == curve.y.max() == np.abs(answer.torques).max(), "the peak in the table is the one that is marked"
+    for axes in draw_figure(described).axes[1:]:
+        for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+            assert sum(low <= one <= high for one in axis.get_majorticklocs()) >= 4
 
 
 # ---- spectra
@@ -278,7 +299,7 @@ def test_a_wrong_detuning_is_one_sentence(two_masses, tmp_path, capsys, old, new
         (["--run", "nowhere"], "--run and --signal go together"),
         (["--run", "nowhere", "--signal", "x"], "there is no such file or folder"),
         (["--detune"], "has no detuning.yaml"),
-        (["--picture", "x.png"], "a file that ends in .svg"),
+        (["--picture", "x.jpg"], "a file that ends in .png or .svg"),
         (["--set", "s.stiffnes=1 Nm/rad"], "did you mean"),
     ],
 )

@@ -8,10 +8,10 @@ import os
 import signal
 import subprocess
 import sys
-import xml.etree.ElementTree as ElementTree
 from math import pi
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from synthetic_shift import Shift
 
@@ -24,7 +24,8 @@ from rig_nodes.rigs.hydmag.laboratory.programme import Result
 from rig_nodes.rigs.hydmag.laboratory.records import Record
 from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
 from rig_nodes.runs.procedure import load_procedure
-from rig_nodes.studies.validation.figures import Band, Figure, Series, ticks
+from rig_nodes.view import Line, chart, draw_figure
+from rig_nodes.view.figure import SOLID
 
 RPM = pi / 30.0
 TARGETS = {target.id: target for target in load_targets()}
@@ -183,34 +184,31 @@ def test_explanations_name_rows_that_exist(tmp_path):
 # --- figures --------------------------------------------------------------------------------------
 
 
-def test_ticks_enclose_the_values_with_round_steps():
-    assert ticks(0.0, 1.0) == [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
-    assert ticks(244.0, 293.0)[0] <= 244.0 and ticks(244.0, 293.0)[-1] >= 293.0
-    assert ticks(5.0, 5.0)[0] < 5.0 < ticks(5.0, 5.0)[-1]
-
-
-def test_a_figure_draws_every_point_where_it_belongs():
-    figure = Figure("a < b", "x", "y", [Series("one", [0.0, 1.0, 2.0, 3.0], [0.0, 10.0, None, 5.0])], [Band("accepted", None, 5.0)])
-    root = ElementTree.fromstring(figure.svg())
-    circles = [(float(c.get("cx")), float(c.get("cy"))) for c in root.iter("{http://www.w3.org/2000/svg}circle")]
-    assert len(circles) == 3 and circles[0][0] < circles[1][0] < circles[2][0]
-    assert circles[1][1] < circles[2][1] < circles[0][1]  # y points down on the sheet
-    # the gap cuts the line: only the first two points are joined
-    (line,) = root.iter("{http://www.w3.org/2000/svg}polyline")
-    assert len(line.get("points").split()) == 2
-    assert "a < b" in [t.text for t in root.iter("{http://www.w3.org/2000/svg}text")]
-    with pytest.raises(ValueError, match="no point"):
-        Figure("empty", "x", "y", [Series("one", [1.0], [None])]).svg()
+def test_a_chart_has_each_line_with_its_gaps_and_what_is_accepted_on_real_axes():
+    lines = [Line("one", [1.0, 10.0, 100.0, 1000.0], [1.0, 10.0, None, 5.0]), Line("two", [1.0, 1000.0], [2.0, 3.0], dashed=True)]
+    drawn = draw_figure(chart("a < b", "x", "y", lines, (None, 5.0), (True, True)))
+    (axes,) = drawn.axes
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    solid = next(one for one in axes.get_lines() if one.get_label() == "one" and one.get_linestyle() == "-")
+    assert np.isnan(solid.get_ydata()[2]) and solid.get_ydata()[1] == 10.0
+    looks = [(one.get_color(), one.get_linestyle()) for one in axes.get_lines() if one.get_label() in ("one", "two")]
+    assert len(set(looks)) == 4
+    words = {one.get_text() for one in axes.texts}
+    assert {"one", "two", "accepted up to 5"} <= words
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        assert sum(low <= one <= high for one in axis.get_majorticklocs()) >= 4
 
 
 def test_figures_show_the_grid_and_what_is_accepted():
     records = [shift(rpm, nm, t_dt_s=0.3 + nm * 1e-4) for rpm in (1000, 2000) for nm in (40, 80, 120)]
     found = dict(figures([*records, shift(1000, 0, t_dt_s=9.0)]))
     figure = found["fig_7_35"]
-    assert [s.name for s in figure.series] == ["1000 rpm", "2000 rpm"]
-    assert figure.series[0].x == [40.0, 80.0, 120.0] and figure.series[0].y[0] == pytest.approx(0.304)
-    assert (figure.bands[0].low, figure.bands[0].high) == (0.26, 0.4)
-    assert found["fig_7_36"].series[0].x == pytest.approx([1000.0, 2000.0])
+    (panel,) = figure.panels
+    lines = [one for one in panel.curves if one.style == SOLID]
+    assert [one.signal for one in lines] == ["1000 rpm", "2000 rpm"]
+    assert lines[0].t.tolist() == [40.0, 80.0, 120.0] and lines[0].y[0] == pytest.approx(0.304)
+    assert [one.y for one in panel.levels] == [0.26, 0.4]
+    assert found["fig_7_36"].panels[0].curves[0].t == pytest.approx([1000.0, 2000.0])
     assert "fig_7_44" not in found
 
 
@@ -221,8 +219,8 @@ def test_every_figure_over_time_has_its_series_and_is_cut_around_its_order():
     course = next(one for one in time_courses.COURSES if one.figure == "7_19")
     found = dict(time_courses.draw(course, SimpleNamespace(recording=recording)))
     assert set(found) == {"fig_7_19_torque", "fig_7_19_speed", "fig_7_19_pressure"}
-    torque = found["fig_7_19_torque"].series[0]
-    assert torque.name == "M_wej" and torque.x[0] == pytest.approx(-0.1) and torque.x[-1] == pytest.approx(1.2)
+    torque = found["fig_7_19_torque"].panels[0].curves[0]
+    assert torque.signal == "M_wej" and torque.t[0] == pytest.approx(-0.1) and torque.t[-1] == pytest.approx(1.2)
     assert max(torque.y) == pytest.approx(250.0, rel=5e-3)
     downwards = next(one for one in time_courses.COURSES if one.figure == "7_25")
     assert time_courses.draw(downwards, SimpleNamespace(recording=recording)) == []

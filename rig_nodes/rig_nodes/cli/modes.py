@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from ..analysis import Critical, Detuned, Detuning, Found, Response, Spectrum
     from ..rig import RigConfig
-    from ..studies import Figure
 
 HELP = "natural frequencies, critical speeds and responses of a rig's driveline; detuning"
 RPM = math.pi / 30.0
@@ -62,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser, "write all of it as JSON to a file, or to the terminal for -")
     parser.add_argument(
-        "--picture", type=OutputFile("svg"), metavar="FILE.svg", help="draw shapes, critical speeds, response and spectrum"
+        "--picture", type=OutputFile("picture"), metavar="FILE", help="draw shapes, critical speeds, response and spectrum"
     )
 
 
@@ -120,7 +119,7 @@ def main(args: argparse.Namespace) -> int:
         lines += _text_of_detuning(*detuned, config) if detuned else []
         print("\n".join(lines))
     if args.picture:
-        _draw(args, config, chosen, body, orders, speeds, answer, spectrum)
+        _draw(args, config, chosen, (body, orders, speeds, critical), answer, spectrum)
     return 0
 
 
@@ -350,35 +349,23 @@ def _json_of_detuning(task: Detuning, found: Detuned, config: RigConfig) -> dict
     }
 
 
-# ---- picture
-
-
 def _draw(
     args: argparse.Namespace,
     config: RigConfig,
     chosen: Found,
-    body: str,
-    orders: Sequence[float],
-    speeds: tuple[float, float],
+    speeds: tuple[str, Sequence[float], tuple[float, float], Sequence[Critical]],
     answer: Response | None,
     spectrum: tuple[Spectrum, str] | None,
 ) -> None:
-    from ..base import RigError, atomic_write
-    from . import modes_pictures as pictures
+    from ..base import RigError, optional
 
-    figures: list[Figure | None] = [
-        pictures.shapes_figure(config.name, chosen),
-        pictures.speeds_figure(config.name, chosen, body, orders, speeds),
-    ]
-    if answer:
-        figures.append(pictures.response_figure(config.name, chosen.state.name, body, answer))
-    if spectrum:
-        figures.append(
-            pictures.spectrum_figure(config.name, args.signal, spectrum[1], spectrum[0], chosen.modes.frequencies.tolist())
-        )
-    drawn = [one for one in figures if one]
-    if not drawn:
+    optional("matplotlib")
+    from ..view import draw_figure, figure_of_modes, write_figure
+
+    recorded = (args.signal, spectrum[1], spectrum[0]) if spectrum else None
+    figure = figure_of_modes(config, chosen, speeds, answer, recorded)
+    if not figure.panels:
         raise RigError(f"--picture: no shaft of the rig '{config.name}' can twist in this state, so there is no shape to draw")
-    atomic_write(args.picture, pictures.stacked(drawn))
+    write_figure(draw_figure(figure), args.picture)
     if args.json != "-":
         print(f"wrote {args.picture}")

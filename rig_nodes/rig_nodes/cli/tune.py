@@ -9,6 +9,7 @@ import json
 import math
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from .shared_arguments import add_set
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Mapping, Sequence
 
     from ..studies import Problem
 
@@ -135,7 +137,7 @@ def main(args: argparse.Namespace) -> int:
             problem = replace(problem, spreads=spreads_of(problem.config, problem.calibration, workers))
         journal = open_journal(folder, TUNING, TUNING_JOURNAL, problem.manifest(), "tuning")
         try:
-            summary = run_tuning(problem, folder, workers, journal, line.show)
+            summary = run_tuning(problem, folder, workers, journal, line.show, partial(_draw, folder, list(problem.objectives)))
         except KeyboardInterrupt as stop:
             line.leave()
             what, code = ended_by(stop)
@@ -152,6 +154,13 @@ def main(args: argparse.Namespace) -> int:
     else:
         print(tuning_text(summary, problem.objectives))
     return 0
+
+
+def _draw(folder: Path, objectives: list[str], name: str, way: str, rows: Sequence[Mapping], chosen: Mapping[str, Mapping]) -> None:
+    """Write the chart of a way's front."""
+    from ..view import front, write_charts
+
+    write_charts([(name, front(way, rows, objectives, chosen))], folder)
 
 
 def _problem(args: argparse.Namespace) -> Problem:

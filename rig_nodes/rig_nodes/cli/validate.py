@@ -76,7 +76,7 @@ def main(args: argparse.Namespace) -> int:
     from ..controllers import embedded_line
     from ..rig import load_gearbox_rig
     from ..runs import parse_settings
-    from ..studies import terminal, write_pictures
+    from ..studies import terminal
     from .json_output import write_json
 
     document, pictures, programme, time_courses = (
@@ -119,7 +119,9 @@ def main(args: argparse.Namespace) -> int:
             },
         )
     if args.pictures:
-        count = len(write_pictures([*pictures.figures(result.records), *drawn], args.pictures))
+        from ..view import write_charts
+
+        count = len(write_charts([*pictures.figures(result.records), *drawn], args.pictures))
         print(f"{count} figures written to {args.pictures}", file=sys.stderr)
     if result.trips:
         kept = f", and {page} is as it was" if page else ""

@@ -12,7 +12,7 @@ from .inputs import Input as Input
 from .law_steps import settled_address as settled_address
 from .laws import MOTION as MOTION, TORQUE as TORQUE, stored_energy as stored_energy
 from .losses import BASE as BASE, FACTOR as FACTOR, ON as ON, OWN as OWN, loss_width as loss_width
-from .picture import Body as Body, Link as Link, svg as svg
+from .picture import Body as Body, Link as Link, columns as columns, svg as svg
 from .quick import quick_address as quick_address, quick_types as quick_types
 from .quiet import quiet_step as quiet_step
 from .record import FIELDS as FIELDS, INPUTS as INPUTS, KEPT as KEPT, LAWS as LAWS, Room as Room, SIZES as SIZES, WHOLE_NUMBERS as WHOLE_NUMBERS, layout_of as layout_of, room_shapes as room_shapes

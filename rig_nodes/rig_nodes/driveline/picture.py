@@ -103,7 +103,7 @@ class Body:
         return NOTE * len(self.notes) + BRAKE * len(self.held)
 
 
-def _columns(bodies: Sequence[Body], links: Sequence[Link]) -> dict[str, int]:
+def columns(bodies: Sequence[Body], links: Sequence[Link]) -> dict[str, int]:
     """Return the column of each body: by the number of joints from the input; two that are joined are never in the same one.
 
     The output is behind all that lies between it and the input, and what only the input joins to it is on the input's left.
@@ -209,7 +209,7 @@ def svg(title: str, bodies: Sequence[Body], links: Sequence[Link], below: str = 
     str
         The SVG document.
     """
-    column = _columns(bodies, links)
+    column = columns(bodies, links)
     rows = _rows(links, column)
     if rows is None:  # a body a column, a line a row
         column = {name: place for place, name in enumerate(sorted(column, key=lambda name: column[name]))}

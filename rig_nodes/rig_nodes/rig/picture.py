@@ -88,8 +88,8 @@ def _clutch(structure: Structure, device: Device) -> str:
     return f"{device.called} ({valve.called}, output {valve.wires['output']})" if valve else device.called
 
 
-def driveline_svg(config: Drawn) -> str:
-    """Return the picture of a rig's driveline as SVG text, from a configuration of rig.configuration."""
+def driveline_drawn(config: Drawn) -> tuple[list[Body], list[Link]]:
+    """Return the bodies of a rig's driveline and what joins two of them, from a configuration of rig.configuration."""
     structure, attached = config.structure, _attached(config.structure)
     bodies = {
         name: Body(name, 0.0 if name in structure.massless else getattr(config, name).inertia, notes=attached[name])
@@ -105,14 +105,15 @@ def driveline_svg(config: Drawn) -> str:
         a, b = device.wires["joins"]
         if "ground" in (a, b):
             bodies[b if a == "ground" else a].one_way.append((device.called, "not backwards" if a == "ground" else "not forwards"))
+    return list(bodies.values()), _links(structure, config)
+
+
+def driveline_svg(config: Drawn) -> str:
+    """Return the picture of a rig's driveline as SVG text, from a configuration of rig.configuration."""
+    structure = config.structure
     called = {device.name: device.called for device in structure.devices}
     table = [
         f"{gear.name}: {', '.join(called.get(one, one) for one in gear.held)}, ratio {config.transmission.ratios[number]:.4g}"
         for number, gear in enumerate(structure.gears, 1)
     ]
-    return svg(
-        f"{config.name}: {config.description}",
-        list(bodies.values()),
-        _links(structure, config),
-        f"gears: {'; '.join(table)}" if table else "",
-    )
+    return svg(f"{config.name}: {config.description}", *driveline_drawn(config), f"gears: {'; '.join(table)}" if table else "")

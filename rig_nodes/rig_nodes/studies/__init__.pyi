@@ -24,7 +24,6 @@ from .tune.search import load_optuna as load_optuna
 from .tune.space import BOUNDS as BOUNDS, delay_of as delay_of, settings as settings, values_of as values_of
 from .tune.uncertainty import calibration_for as calibration_for, read_spreads as read_spreads, spreads_of as spreads_of
 from .validation.calibrate import Calibration as Calibration, Found as Found, Miss as Miss, Parameter as Parameter, UNSHIFTED as UNSHIFTED, at_shares as at_shares, calibrate as calibrate, load_stages as load_stages, nearby as nearby, shares_of as shares_of, write_values as write_values
-from .validation.figures import Band as Band, Figure as Figure, HEIGHT as HEIGHT, Series as Series, WIDTH as WIDTH, ticks as ticks, write_pictures as write_pictures
 from .validation.own_calibration import calibration_of as calibration_of
 from .validation.own_rows import check_settings as check_settings, chosen_rows as chosen_rows, load_rows as load_rows, rows_by_run as rows_by_run, validate_rows as validate_rows
 from .validation.rows import INSIDE as INSIDE, Judged as Judged, NOT_COMPARED as NOT_COMPARED, OUTSIDE as OUTSIDE, Row as Row, Span as Span, Target as Target, listed as listed

@@ -4,11 +4,13 @@
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
 from .campaign import Campaign as Campaign, conditions_of as conditions_of, figures_of_campaign as figures_of_campaign, read_campaign as read_campaign
+from .chart import Line as Line, chart as chart, front as front, write_charts as write_charts
 from .compare_file import write_compare_file as write_compare_file
 from .convert import View as View, import_rerun as import_rerun, make_close_view as make_close_view, make_tab_view as make_tab_view, make_view as make_view
 from .draw import draw_figure as draw_figure, write_figure as write_figure
 from .figure import Description as Description
 from .figure_of_compare import figures_of_compare as figures_of_compare
+from .figure_of_modes import figure_of_modes as figure_of_modes
 from .figure_of_run import figures_of_run as figures_of_run
 from .figure_of_shift import figure_of_shift as figure_of_shift
 from .live import Sender as Sender, Server as Server, live_topics as live_topics

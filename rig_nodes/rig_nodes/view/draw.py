@@ -21,7 +21,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import LogLocator, MaxNLocator, StrMethodFormatter
+from matplotlib.ticker import FixedFormatter, FixedLocator, LogLocator, MaxNLocator, StrMethodFormatter
 
 from ..analysis import INTERRUPTED
 from ..base import MAKER, atomic_write
@@ -124,9 +124,10 @@ class _Drawing:
         strip = (32 if description.moments else 8) + (STRIP + 6 if any(one.texts for one in description.stretches) else 8)
         panels = max(1, len(description.panels))
         self.titled = any(LETTER * 9 * len(_name(one)) > description.high for one in description.panels)
-        self.pitch = description.high + BETWEEN + TITLE * self.titled
+        own = AXIS * any(one.across is not None for one in description.panels)
+        self.pitch = description.high + BETWEEN + TITLE * self.titled + own
         strip += TITLE * self.titled
-        each = strip + panels * self.pitch - BETWEEN - TITLE * self.titled + AXIS
+        each = strip + panels * self.pitch - BETWEEN - TITLE * self.titled + AXIS - own
         places = range(len(description.columns))
         blocks = [[place] for place in places] if self.stacked else [list(places)]
         known = "    ".join(f"{one.sign} {one.text}" for one in description.moments if one.text)
@@ -244,8 +245,10 @@ class _Drawing:
                 y = top + row * self.pitch
                 at = left / self.width, 1.0 - (y + self.of.high) / self.height, width / self.width, self.of.high / self.height
                 axes = self.figure.add_axes(at, facecolor="none")
-                _scale(axes, panel, column, width)
-                self._frame(axes, panel, place == places[0], panel is self.of.panels[-1], column)
+                axis = panel.across or column
+                _scale(axes, panel, axis, width)
+                last = panel is self.of.panels[-1] or panel.across is not None
+                self._frame(axes, panel, place == places[0], last, axis)
                 self._shade(axes)
                 shown = [one for one in panel.curves if one.column in (None, place)]
                 self._curves(axes, panel, shown)
@@ -301,7 +304,7 @@ class _Drawing:
     def _words(self, axes: Axes, panel: Panel, shown: Sequence[Curve], room: tuple[float, int], place: int) -> None:
         """Write the labels of a plot, those with a point first."""
         labels = Labels(*room)
-        wide, column = place == len(self.of.columns) - 1, self.of.columns[place]
+        wide, column = place == len(self.of.columns) - 1, panel.across or self.of.columns[place]
         corner = axes.bbox.x0, axes.bbox.y0
 
         def pixels(x: np.ndarray | float, y: np.ndarray | float) -> np.ndarray:
@@ -323,7 +326,7 @@ class _Drawing:
         for x, y in points.values():
             labels.keep_free(x - 6, y - 6, x + 6, y + 6)
         for one in panel.rings:
-            if self._shows(one.t, place):
+            if panel.across is not None or self._shows(one.t, place):
                 at = points[id(one)]
                 self._label(axes, labels, (one.text,), one.colour, lambda size, at=at: around(at, size), point=at, weight="bold")
         for one in panel.hatches:
@@ -393,7 +396,10 @@ def _scale(axes: Axes, panel: Panel, column: Column, width: float) -> None:
         (column.log, axes.xaxis, (column.first, column.last), whole, axes.set_xscale, axes.set_xlim),
         (panel.log, axes.yaxis, _range_of(panel), 5, axes.set_yscale, axes.set_ylim),
     ):
-        if log:
+        if axis is axes.xaxis and column.names:
+            axis.set_major_locator(FixedLocator(range(len(column.names))))
+            axis.set_major_formatter(FixedFormatter(column.names))
+        elif log:
             scale("log")
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if ends[1] < 1e3 * ends[0] else (1.0,), numticks=12))
             axis.set_major_formatter(StrMethodFormatter("{x:g}"))

@@ -95,7 +95,10 @@ class Hatch:
 
 @dataclass(frozen=True)
 class Panel:
-    """A plot: title and unit of its axis, curves, marks and levels, a note on its line styles, and whether it is logarithmic."""
+    """A plot: title and unit of its axis, curves, marks and levels, a note on its line styles, and whether it is logarithmic.
+
+    ``across`` is its horizontal axis where it has one of its own.
+    """
 
     title: str
     unit: str
@@ -105,6 +108,7 @@ class Panel:
     hatches: tuple[Hatch, ...] = ()
     note: str = ""
     log: bool = False
+    across: Column | None = None
 
 
 @dataclass(frozen=True)
@@ -139,13 +143,17 @@ class Number:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the panels: first and last value of its axis, its title, share of the width, and whether it is logarithmic."""
+    """A column of the panels: first and last value of its axis, its title, share of the width, and whether it is logarithmic.
+
+    ``names`` stand at 0, 1, 2, ... in place of numbers.
+    """
 
     first: float
     last: float
     title: str
     share: float = 1.0
     log: bool = False
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

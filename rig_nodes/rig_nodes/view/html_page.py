@@ -8,6 +8,7 @@ view.page_of_compare and view.page_of_report use it. A page is light, prints on 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -15,7 +16,6 @@ from html import escape
 import numpy as np
 
 from ..base import MAKER
-from ..studies import ticks
 
 WIDTH, LEFT, RIGHT = 560, 56, 10  # width of a plot's drawing, and of the margins for its numbers
 LETTER = 9.3  # width of an average letter at the width of a phone, in the same units
@@ -96,6 +96,17 @@ def legend(names: Iterable[tuple[str, str]], title: str = "") -> str:
     """Return the line above a plot: its title, and each (name, colour) with a square of its colour."""
     keys = "".join(f'<span><i class="key" style="background:{colour}"></i> {escape(name)}</span>' for name, colour in names)
     return f'<p class="legend">{f"<b>{escape(title)}</b> " if title else ""}{keys}</p>'
+
+
+def ticks(low: float, high: float, about: int) -> list[float]:
+    """Return some round numbers, ``about`` so many, that enclose the range from low to high."""
+    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-12):
+        low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
+    rough = (high - low) / about
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * (1.0 - 1e-9))
+    first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
+    return [round(i * step, 12) for i in range(first, last + 1)]
 
 
 class Envelope:

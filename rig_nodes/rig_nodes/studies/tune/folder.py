@@ -15,7 +15,6 @@ from pathlib import Path
 from ...base import UNITS
 from ...rig import OUTPUT_KEYS, POINTS, Alfa46Config, Alfa46Values
 from ..sweep.store import parquet, write_table
-from ..validation.figures import Figure, Series
 from .problem import OBJECTIVES
 from .space import BOUNDS, check
 
@@ -116,41 +115,3 @@ def write_front(folder: Path, rows: list[dict], manifest: dict) -> None:
         columns.append(pa.field(name, pa.int64(), metadata={"unit": "mA" if name.endswith("current") else "ms"}))
     schema = pa.schema(columns, metadata={"rig_nodes.tune": json.dumps(manifest, ensure_ascii=False)})
     write_table(folder / f"{FRONT}.parquet", {name: [row[name] for row in rows] for name in schema.names}, schema)
-
-
-def picture(way: str, rows: list[dict], objectives: list[str], chosen: dict[str, dict]) -> Figure:
-    """Draw the front of one way over its first two objectives; 1 is the value of the compared settings.
-
-    Parameters
-    ----------
-    way : str
-        Name of the shift, e.g. I-II.
-    rows : list of dict
-        The front's rows.
-    objectives : list of str
-        Names of the objectives, at least two.
-    chosen : dict of str to dict
-        Names and rows of the chosen settings.
-
-    Returns
-    -------
-    Figure
-        The figure.
-    """
-    x, y = objectives[:2]
-    figure = Figure(f"{way}: settings that nothing found is better than", _axis(x), _axis(y))
-    for title, kept, suffix in (
-        ("as sought", rows, ""),
-        ("elsewhere, mean", rows, "_mean"),
-        *((f"{name}, elsewhere", [row], "_mean") for name, row in chosen.items()),
-    ):
-        points = [(row[f"{x}{suffix}"], row[f"{y}{suffix}"]) for row in kept if row[f"{x}{suffix}"] is not None]
-        if points:
-            figure.series.append(Series(title, *map(list, zip(*sorted(points))), line=False))
-    if "dip" not in (x, y):
-        figure.series.append(Series("compared", [1.0], [1.0], line=False))
-    return figure
-
-
-def _axis(name: str) -> str:
-    return f"{name} (1 - k)" if name == "dip" else f"{name}, share of the compared settings'"

@@ -24,7 +24,6 @@ from ...rig import Alfa46Config, RigConfig, read_alfa46
 from ...runs import Tripped, Workers
 from ..sweep.store import Journal
 from ..validation.calibrate import Calibration
-from ..validation.figures import write_pictures
 from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point, Shift
@@ -33,7 +32,9 @@ from .space import settings, values_of
 from .uncertainty import misses_now, sampled_rigs
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+
+    Draw = Callable[[str, str, Sequence[Mapping], Mapping[str, Mapping]], None]
 
 LEAST = "least"  # the search for the smallest peak at the largest load, in the first of the ways down
 SCOUT = "scout "  # prefix of a way's name, for its scout
@@ -199,7 +200,12 @@ def _shifting(points: list[Point], compared: Alfa46Config, rig: RigConfig) -> fl
 
 
 def run_tuning(
-    problem: Problem, folder: Path, workers: Workers, journal: Journal, progress: Callable[[float, str], None] | None = None
+    problem: Problem,
+    folder: Path,
+    workers: Workers,
+    journal: Journal,
+    progress: Callable[[float, str], None] | None = None,
+    draw: Draw | None = None,
 ) -> dict:
     """Search, judge and write the folder of a tuning.
 
@@ -216,7 +222,9 @@ def run_tuning(
     journal : Journal
         The folder's journal, with the entries of an interrupted run.
     progress : callable or None
-        Takes the share of the search that is done, and a text on what is being done.
+        Takes the share of the search that is done, and a text on what is done.
+    draw : callable or None
+        draw(name, way, rows, chosen) draws the front of a way into that file of the folder.
 
     Returns
     -------
@@ -231,11 +239,7 @@ def run_tuning(
         When the rig trips in the first point of a way in which no shift succeeds.
     """
     notes: list[str] = []
-    known: dict[str, list[dict]] = {}
-    cpu: list[float] = []
-    for note in journal.entries():
-        known.setdefault(note["study"], []).extend(note["entries"])
-        cpu.append(note["cpu"])
+    known, cpu = _held(journal)
     points: dict[str, list[Point]] = {}
     for way, where in problem.ranges.items():
         points[way], lowered = held(problem.config, where.grid(way))
@@ -247,8 +251,7 @@ def run_tuning(
             if shift.tripped
         ]
         if not any(shift.valid for shift in shifts):
-            refusal = Tripped if shifts[0].tripped else RigError
-            raise refusal(
+            raise (Tripped if shifts[0].tripped else RigError)(
                 f"with the settings that are there the rig shifts {way} in none of {len(points[way])} operating "
                 f"points ({shifts[0].why}), so there is nothing to compare with; choose another range or rig"
             )
@@ -263,10 +266,8 @@ def run_tuning(
 
         def until(study: search.Study | scout.Scout = study, budget: float = budget) -> bool:
             if progress:
-                progress(
-                    min(sum(one.shifts for one in studies.values()) / problem.shifts, 1.0),
-                    f"{study.name}: {study.generation} generations",
-                )
+                share = min(sum(one.shifts for one in studies.values()) / problem.shifts, 1.0)
+                progress(share, f"{study.name}: {study.generation} generations")
             return study.shifts >= budget or (problem.generations is not None and study.generation >= problem.generations)
 
         def note(entries: list[dict], seconds: float, study: search.Study | scout.Scout = study) -> None:
@@ -276,7 +277,7 @@ def run_tuning(
         (scout if isinstance(study, scout.Scout) else search).run(study, workers, note, until)
     if progress:
         progress(1.0, "judging the fronts")
-    return _finish(problem, folder, studies, workers, notes, sum(cpu))
+    return _finish(problem, folder, studies, workers, notes, sum(cpu), draw)
 
 
 def searches(config: RigConfig) -> tuple[dict[str, str], dict[str, int]]:
@@ -322,6 +323,16 @@ def _study(
     return search.Study(name, way, config, config.alfa46, task, start, seed, known)
 
 
+def _held(journal: Journal) -> tuple[dict[str, list[dict]], list[float]]:
+    """Return what a journal holds: the entries of each study, and the processor times [s]."""
+    known: dict[str, list[dict]] = {}
+    cpu: list[float] = []
+    for note in journal.entries():
+        known.setdefault(note["study"], []).extend(note["entries"])
+        cpu.append(note["cpu"])
+    return known, cpu
+
+
 def _elsewhere(problem: Problem, workers: Workers, *use: int) -> dict[str, Task]:
     """Return for each way a judgement in operating points and on rigs that are drawn for this use alone."""
     points = {
@@ -333,7 +344,13 @@ def _elsewhere(problem: Problem, workers: Workers, *use: int) -> dict[str, Task]
 
 
 def _finish(
-    problem: Problem, folder: Path, studies: dict[str, search.Study], workers: Workers, notes: list[str], cpu: float
+    problem: Problem,
+    folder: Path,
+    studies: dict[str, search.Study],
+    workers: Workers,
+    notes: list[str],
+    cpu: float,
+    draw: Draw | None,
 ) -> dict:
     config, base = problem.config, problem.config.alfa46
     rows: list[dict] = []
@@ -347,16 +364,9 @@ def _finish(
         rows += mine
     manifest = problem.manifest()
     files.write_front(folder, rows, manifest)
-    write_pictures(
-        [
-            (
-                f"{files.FRONT}_{way}",
-                files.picture(way, [row for row in rows if row["way"] == way], list(problem.objectives), chosen[way]),
-            )
-            for way in chosen
-        ],
-        folder,
-    )
+    if draw is not None:
+        for way in chosen:
+            draw(f"{files.FRONT}_{way}", way, [row for row in rows if row["way"] == way], chosen[way])
     controllers = _write_controllers(problem, folder, chosen)
     summary = {
         "folder": str(folder),

@@ -15,7 +15,8 @@ from math import pi
 
 import numpy as np
 
-from rig_nodes.studies import Band, Figure, Series, Target
+from rig_nodes.studies import Target
+from rig_nodes.view import Description, Line, chart
 
 from .evaluate import curve
 from .records import Record, group, shown
@@ -168,7 +169,7 @@ def _of_chapter_9() -> Iterator[_Plan]:
             yield _Plan(name, title, procedure, f"p{gear}_mpa", "time", by="m_wyj", where=where, target=target)
 
 
-def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
+def figures(records: list[Record]) -> Iterator[tuple[str, Description]]:
     """Draw every figure for which there are records.
 
     Parameters
@@ -180,7 +181,7 @@ def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
     ------
     name : str
         Name of the file without its ending.
-    figure : Figure
+    figure : Description
         The figure.
     """
     targets = {target.id: target for target in load_targets()}
@@ -200,19 +201,19 @@ def figures(records: list[Record]) -> Iterator[tuple[str, Figure]]:
             yield plan.name, _figure(plan, found, targets.get(plan.target))
 
 
-def _figure(plan: _Plan, found: Iterable[Record], target: Target | None) -> Figure:
+def _figure(plan: _Plan, found: Iterable[Record], target: Target | None) -> Description:
     (x_name, x_factor), (y_name, y_factor) = AXES[plan.over], AXES[plan.quantity]
-    figure = Figure(plan.title, x_name, y_name)
+    lines: list[Line] = []
     for key, members in group(found, [plan.by] if plan.by else []):
         points = sorted((r.conditions[plan.over] * x_factor, r.values[plan.quantity] * y_factor) for r in members)
         name = shown(plan.by, key[plan.by]) if plan.by else "rig"
         name = {"measured": "rig", "simulated": "chapter 9"}.get(name, name)
         dense = len(points) > MOST_MARKS
-        figure.series.append(Series(name, *map(list, zip(*points)), line=plan.line, marks=not dense))
+        lines.append(Line(name, *map(list, zip(*points)), line=plan.line, marks=not dense))
     if target is not None and target.pieces:
         x = np.linspace(target.pieces[0][0], target.pieces[-1][1], 400)
-        figure.series.append(Series("printed", x.tolist(), curve(target, x).tolist(), marks=False, dashed=True))
+        lines.append(Line("printed", x, curve(target, x), marks=False, dashed=True))
     elif target is not None:
-        ends = [None if end is None else end * y_factor for end in (target.low, target.high)]
-        figure.bands.append(Band("accepted", *ends))
-    return figure
+        low, high = (None if end is None else end * y_factor for end in (target.low, target.high))
+        return chart(plan.title, x_name, y_name, lines, (low, high))
+    return chart(plan.title, x_name, y_name, lines)

@@ -19,7 +19,7 @@ from rig_nodes.analysis import odd_width, running_mean
 from rig_nodes.bags import Recording
 from rig_nodes.rig import load_rig
 from rig_nodes.runs import Run, Workers, load_procedure, run_repeat
-from rig_nodes.studies import Figure, Series
+from rig_nodes.view import Description, Line, chart
 
 MEAN, STEP = 1e-3, 2e-3  # s: time over which a point is averaged, and time between two points
 BEFORE, AFTER = 0.1, 1.2  # s around the order
@@ -63,7 +63,7 @@ COURSES = (
 )
 
 
-def draw(course: Course, run: Run) -> list[tuple[str, Figure]]:
+def draw(course: Course, run: Run) -> list[tuple[str, Description]]:
     """Draw the parts of a figure for the last order between its gears.
 
     Parameters
@@ -75,7 +75,7 @@ def draw(course: Course, run: Run) -> list[tuple[str, Figure]]:
 
     Returns
     -------
-    list of (str, Figure)
+    list of (str, Description)
         Name of the file without ending, and figure, of each part; empty when there is no such order.
     """
     times = [t for t, *gears in run.recording.orders if tuple(gears) == course.gears]
@@ -84,28 +84,26 @@ def draw(course: Course, run: Run) -> list[tuple[str, Figure]]:
     return [(f"fig_{course.figure}_{part}", _figure(course, part, run.recording, times[-1])) for part in course.parts]
 
 
-def _figure(course: Course, part: str, recording: Recording, order: float) -> Figure:
+def _figure(course: Course, part: str, recording: Recording, order: float) -> Description:
     name, factor, channels = CHANNELS[part]
-    figure = Figure(course.title, "time after the order [s]", name)
+    lines = []
     since = np.arange(-BEFORE, AFTER + 0.5 * STEP, STEP)
     rows = np.rint((order + since - recording.t0) / recording.period).astype(int)
     inside = (rows >= 0) & (rows < recording.rows)
     for channel in channels:
         smooth = running_mean(recording.channels[channel], odd_width(MEAN, recording.period))
-        figure.series.append(
-            Series(channel, since[inside].round(6).tolist(), (smooth[rows[inside]] * factor).tolist(), marks=False)
-        )
-    return figure
+        lines.append(Line(channel, since[inside], smooth[rows[inside]] * factor, marks=False))
+    return chart(course.title, "time after the order [s]", name, lines)
 
 
-def _run_and_draw(rig: str, settings: dict[str, str] | None, course: Course) -> list[tuple[str, Figure]]:
+def _run_and_draw(rig: str, settings: dict[str, str] | None, course: Course) -> list[tuple[str, Description]]:
     (series,) = load_procedure(course.procedure).series([course.series])
     return draw(course, run_repeat(series, 0, rig, settings))
 
 
 def time_courses(
     procedures: Iterable[str], workers: Workers, rig: str = "hydmag", settings: dict[str, str] | None = None
-) -> list[tuple[str, Figure]]:
+) -> list[tuple[str, Description]]:
     """Draw the figures of some procedures' series, each from one run.
 
     Parameters
@@ -121,7 +119,7 @@ def time_courses(
 
     Returns
     -------
-    list of (str, Figure)
+    list of (str, Description)
         Name of the file without ending, and figure, of each part.
     """
     wanted = [course for course in COURSES if course.procedure in procedures]
