@@ -22,10 +22,10 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.cli.output_files import KINDS
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.view import layout, moments, picture
+from rig_nodes.view import layout, picture
 from rig_nodes.view.convert import make_close_view, make_tab_view
-from rig_nodes.view.pages import ALARM, WAITING, Pages
-from rig_nodes.view.palette import OTHER, rgb
+from rig_nodes.view.pages import Pages
+from rig_nodes.view.palette import RULE, rgb
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
 
 pytestmark = pytest.mark.skipif(software_driver() is None, reason=NO_DRIVER)
@@ -167,7 +167,7 @@ def test_phases_and_times_of_a_shift_are_bars_with_their_texts(tabs, recorded):
         inertia, kiss = row["t_p_s"], row["kiss_s"]
         lengths = {"fill": kiss, "torque phase": row["t_c_s"] - inertia - kiss, "inertia phase": inertia}
         for name, seconds in lengths.items():
-            colour = np.array(moments.PHASE_COLOURS[name]) * BAR
+            colour = np.array(rgb(name)) * BAR
             rows_of_bar = (np.abs(image - colour).max(axis=2) <= 12).sum(axis=1)
             assert (np.abs(rows_of_bar - seconds * second) < 3).sum() >= 3, f"{title}: {name}"
         assert text_pixels(image) > 600, "the texts of the bars and the names of the lanes"
@@ -177,19 +177,13 @@ def test_upright_lines_stand_at_the_order_and_where_the_phases_begin(tabs, recor
     rows = json.loads((recorded / "report.json").read_text())["shifts"]
     for title, names in PAGES.shift_plots:
         for image, row in zip(pictures(tabs, "shifts", title, names), rows):
-            marks = (
-                (rgb(OTHER), 0.0),
-                (WAITING, row["kiss_s"]),
-                (ALARM, row["t_c_s"] - row["t_p_s"]),
-                (moments.LOCKED, row["t_c_s"]),
-            )
-            found = {colour: upright(image, colour) for colour, _ in marks}
+            marks = (0.0, row["kiss_s"], row["t_c_s"] - row["t_p_s"], row["t_c_s"])
+            found = upright(image, rgb(RULE))
 
             def off(left):
                 """Returns how far [px] the worst mark is from its time, with the plot's left end there."""
                 second = (image.shape[1] - left) / (ENDS[1] - ENDS[0])
-                places = [(colour, left + (t - ENDS[0]) * second) for colour, t in marks]
-                return max(np.abs(found[colour] - place).min(initial=np.inf) for colour, place in places)
+                return max(np.abs(found - (left + (t - ENDS[0]) * second)).min(initial=np.inf) for t in marks)
 
             # the room for the numbers at the left differs from plot to plot
             assert min(off(left) for left in range(5, 60)) < 2.0, (title, row["from_gear"], found)

@@ -26,6 +26,7 @@ from .modes import Critical as Critical, Found as Found, Response as Response, S
 from .moved import moved_lines as moved_lines
 from .no_change import measured_lines as measured_lines
 from .of_runs import gather as gather, gathering as gathering, shifts_report as shifts_report
+from .peak import sentence_of_peak as sentence_of_peak
 from .phases import FILL as FILL, INERTIA as INERTIA, INTERRUPTED as INTERRUPTED, Part as Part, TORQUE as TORQUE, moments_of as moments_of, phases_of as phases_of, times_of as times_of
 from .plate_heat import above_the_oil as above_the_oil
 from .press_bench import OF_A_RUN as OF_A_RUN, bench_lines as bench_lines, of_press as of_press

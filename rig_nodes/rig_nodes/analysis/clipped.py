@@ -76,7 +76,7 @@ def drop_clipped(shift: CutShift, row: dict) -> None:
         decided = _decides(shift.box, name, bool(clipped[: shift.order].any()), bool(clipped[-1]))
         row.update(dict.fromkeys(metric.key for metric in every_metric() if decided & {*metric.decided_by}))
         if decided & {SPEEDS, TORQUE_IN}:
-            row["torques"] = None
+            row["torques"] = row["peak"] = None
         if SPEEDS in decided:
             row["in_gear"] = None
         if name == into.torque and shift.raw[name][: last + 1].max() > 0.5 * ends[1]:

@@ -26,8 +26,10 @@ from .annex_a import AROUND as ANNEX
 from .annex_a import BLOCK as ANNEX_BLOCK
 from .annex_a import shift_metrics_annex_a
 from .clipped import Clipping
+from .clutch_torques import SHAFTS, SPEEDS
 from .clutch_torques import STATE as CLUTCH
 from .definitions import BEFORE, LONGEST
+from .peak import FIELDS as PEAK
 from .press_bench import pressed_clutch
 from .ranges import LOGGER, Ranges
 from .shift import is_shift, shift_metrics, shifts, with_ends
@@ -157,9 +159,10 @@ class Gathered:
         self._fields: dict[str, dict[str, list[np.ndarray]]] = {
             topic: {name: [] for name in ("", *names)} for topic, names in wanted.items()
         }  # times under the name ""
-        for clutch in box.clutches if box is not None else ():
-            own = self._fields.setdefault(clutch.state, {"": []})
-            own |= {name: [] for name in CLUTCH if name not in own}
+        states = {clutch.state: CLUTCH for clutch in box.clutches} | {SHAFTS: (*SPEEDS, *PEAK)} if box is not None else {}
+        for topic, names in states.items():
+            own = self._fields.setdefault(topic, {"": []})
+            own |= {name: [] for name in names if name not in own}
         self._no_fields: dict[str, RigError] = {}
 
     def add(self, piece: Bag) -> None:

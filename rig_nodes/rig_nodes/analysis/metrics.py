@@ -40,8 +40,9 @@ SPEEDS, TORQUE_IN, TORQUE_OUT, PRESSURES = "speeds", "input torque", "output tor
 SPEED_BEFORE, TORQUE_AFTER, LOAD_BEFORE = "input speed before", "input torque after", "output torque before"
 # keys of a row beside its metrics, in front of them and behind them
 GEARS, ENDS = ("from_gear", "to_gear"), ("valid", "t_order_s", "why", "undefined")
-# keys of a row that no report has as a result: course.course_of, clipped.drop_clipped, and whether the old gear was in
-DETAILS = ("torques", "clipped", "in_gear")
+# keys of a row that no report has as a result: course.course_of, peak.parts_of_peak, clipped.drop_clipped, and whether the old
+# gear was in
+DETAILS = ("torques", "peak", "clipped", "in_gear")
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from .clutch_torques import put_torques
 from .gathered import SMALL, Gathered, Thinned
 from .loops import STEP, put_loops
 from .measured_error import instruments_of, uncertainty
+from .peak import put_peaks
 from .run_report import info_of, no_rig, plain, record_of
 from .state_at_order import put_states
 
@@ -93,6 +94,7 @@ def shifts_report(bag: Gathered) -> dict:
         return {"shifts": []}
     if not info_of(bag).get("imported"):
         put_torques(bag, rows, recording.transmission)
+        put_peaks(bag, rows, recording.transmission)
         put_states(bag, bag.record, recording.transmission, rows)
         put_loops(rows, info_of(bag).get("loops"), ((t, value) for t, _, name, _, value in bag.events() if name == STEP))
     instruments = instruments_of(bag.record)

@@ -30,6 +30,7 @@ from .gathered import Gathered
 from .loops import STEP, put_loops
 from .measured_error import Instrument, instruments_of, uncertainty
 from .no_change import measured
+from .peak import put_peaks
 from .plant_states import metrics_of_states, states_of
 from .quality import quality_of
 from .ranges import signal_ranges
@@ -97,6 +98,7 @@ def build_report(bag: Bag | Gathered, run: dict, annex_a: float | None = None, t
     problems += clipped_in(bag, record)
     if not imported:
         put_torques(bag, rows, box)
+        put_peaks(bag, rows, box)
         put_states(bag, record, box, rows)
         put_loops(rows, info_of(bag).get("loops"), ((t, value) for t, _, name, _, value in bag.events() if name == STEP))
     gathered = bag if isinstance(bag, Gathered) else None

@@ -31,7 +31,7 @@ LEAST_TIME, LEAST_FRICTION, LEAST_SPEED = 1e-3, 0.01, 1.0  # s, share, rpm: leas
 MOST_NAMED, MOST_GROUPS = 6, 3  # shifts and groups of them that are named in a sentence
 FILL = 0.4  # s, a usual fill, for a shift whose own is not known
 SHARES = ("friction_change", "line_done")  # keys that follow from others
-UNITS = {"m": "m", "m3": "m3", "degc": "degC"}  # unit of a value by the last word of its key
+UNITS = {"m": "m", "m3": "m3", "degc": "degC", "nm": "Nm"}  # unit of a value by the last word of its key
 
 
 @dataclass(frozen=True)

@@ -121,8 +121,9 @@ class Run:
             gears = {name: box.short(row[name]) for name in GEARS}
             loops = loop_columns(row)
             units |= {name: unit for name, (_, unit) in loops.items()}
+            parts = {f"peak.{name}": value for name, value in (row.get("peak") or {}).items()}
             metrics = {key: row.get(key) for key in keys} | {name: value for name, (value, _) in loops.items()}
-            rows.append({**metrics, **gears, "quality": (verdict or {}).get("grade"), **flat(row)})
+            rows.append({**metrics, **gears, "quality": (verdict or {}).get("grade"), **parts, **flat(row)})
         names = dict.fromkeys(name for row in rows for name in row) or dict.fromkeys([*keys, "quality"])
         ends = ("valid", "quality")
         order = ["from_gear", "to_gear", "t_order_s", *units, *(name for name in names if name not in ends), *ends]
@@ -261,13 +262,15 @@ class Run:
             raise RigError(f"period is {seconds:g} s, expected at least 1 us")
         return chosen, on_one_clock(chosen.groups, chosen.parts(), round(seconds * 1e9))
 
-    def plot(self, shift: int | None = None) -> Figure:
+    def plot(self, shift: int | None = None, dark: bool = False) -> Figure:
         """Draw the run, or one of its shifts: pressures, torques and speeds with phases, peaks, limits and the verdict.
 
         Parameters
         ----------
         shift : int, optional
             Number of a shift from 1 on; the whole run by default.
+        dark : bool
+            True for a dark ground.
 
         Returns
         -------
@@ -289,10 +292,10 @@ class Run:
 
         count, pages, span = len(self.report["shifts"]), Pages(self.record), self.signals.span
         if shift is None:
-            return draw_figure(figures_of_run(self.report, pages, self.folder, span)[0])
+            return draw_figure(figures_of_run(self.report, pages, self.folder, span)[0], dark)
         if not (isinstance(shift, int) and 1 <= shift <= count):
             raise RigError(f"there is no shift {shift}; the run has {count} shifts, the first is 1")
-        return draw_figure(figure_of_shift(self.report, shift, pages, self.signals, span))
+        return draw_figure(figure_of_shift(self.report, shift, pages, self.signals, span), dark)
 
     def compare(self, *others: Run | str | Path, by: str | None = None) -> Compared:
         """Compare with other runs, as `rig compare`.

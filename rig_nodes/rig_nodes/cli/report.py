@@ -115,14 +115,15 @@ def _show(report: dict, as_json: bool) -> None:
 def _page_of_bag(path: str, bag: Gathered, report: dict, warnings: list[str]) -> str:
     from ..bags import canonical_hash, rig_record
     from ..rig import CHANGED, changed_settings
-    from ..view import Facts, Pages, plots_of_bag, report_page
+    from ..view import Facts, Pages, figures_of_run, figures_of_shifts, report_page
 
     record = rig_record(report["run"].get("configuration") or bag.record, bag.types)
     settings, note = changed_settings(record)
     changes = [(t, text) for t, _, name, text, _ in bag.events() if name == CHANGED]
     source = [("bag", bag.path.name), ("canonical hash", canonical_hash(path, recover=True)["all"])]
     facts = Facts(source, True, settings, note, changes, warnings)
-    return report_page(report, facts, plots_of_bag(path, Pages(record), report["shifts"], 0.0, bag.last / 1e9))
+    pages, span = Pages(record), (0.0, bag.last / 1e9)
+    return report_page(report, facts, figures_of_shifts(path, report, pages, span), figures_of_run(report, pages, path, span))
 
 
 def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) -> int:

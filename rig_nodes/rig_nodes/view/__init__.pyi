@@ -20,5 +20,5 @@ from .page_of_report import Facts as Facts, campaign_page as campaign_page, repo
 from .pages import Pages as Pages
 from .pdf import browser as browser, pdf_of as pdf_of
 from .picture import require_driver as require_driver, take_picture as take_picture
-from .report_plots import plots_of_bag as plots_of_bag
+from .shifts_of_bag import figures_of_shifts as figures_of_shifts
 from .viewer import command_for as command_for, has_display as has_display, open_window as open_window

@@ -12,6 +12,7 @@ import io
 import itertools
 import re
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, LogLocator, MaxNLoca
 from ..analysis import INTERRUPTED
 from ..base import MAKER, atomic_write
 from .figure import DASHED, DOTTED, POINTS, SOLID
-from .labels import Labels, along, anywhere, around
+from .labels import Labels, along, anywhere, around, beside
 from .palette import DARK, GRID, GROUND, INK, LIGHT, LIMIT, MET, NOTE, ON_GRADE, RULE, with_variables
 
 if TYPE_CHECKING:
@@ -52,6 +53,8 @@ WIDTHS = {SOLID: 1.7, DASHED: 1.2, DOTTED: 1.3, POINTS: 0.0}
 BEYOND = 1.35  # of the other curves' range, up to which a curve that does not scale the axis is shown
 MARGIN = 0.2  # of the range of a plot, above and below its curves
 NEXT = 17  # pixels between two signs in the strip
+WIDE = "\u00a0 \u00a0 "  # between two texts of a line, where it may be broken; a page shows several spaces as one
+COARSE = 0.4  # pixels by which a curve of a page may be moved to need fewer points
 NUMBER, RESULT = 125, 56  # width and height of a number at the foot
 
 
@@ -62,7 +65,7 @@ class Picture(Figure):
         return _bytes(self, "png")
 
 
-def _bytes(figure: Figure, kind: str, name: str = MAKER, **how: str) -> bytes:
+def _bytes(figure: Figure, kind: str, name: str = MAKER, **how: str | float) -> bytes:
     file = io.BytesIO()
     made = {"Software": MAKER} if kind == "png" else {"Creator": MAKER, "Date": None}
     with mpl.rc_context({"svg.hashsalt": name, **how}):
@@ -87,9 +90,13 @@ def inline(description: Description, name: str, width: int = WIDTH) -> str:
     width : int
         Its width [px].
     """
-    svg = _bytes(draw_figure(description, width=width), "svg", name, **{"svg.fonttype": "none"}).decode()
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    return with_variables(re.sub(r' (width|height)="[\d.]+pt"', "", svg, count=2))
+    how = {"svg.fonttype": "none", "path.simplify_threshold": COARSE}
+    svg = _bytes(draw_figure(description, width=width), "svg", name, **how).decode()
+    svg = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    head, rest = svg.split(">", 1)  # a page knows SVG without its namespaces, and gives the drawing its size
+    svg = re.sub(r' (xmlns(:xlink)?|width|height)="[^"]*"', "", head) + ">" + rest.replace("xlink:href", "href")
+    short = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d)\d+|\n(?=L)", r"\1", path[0]), svg)
+    return with_variables(short)
 
 
 def draw_figure(description: Description, dark: bool = False, width: int = WIDTH) -> Figure:
@@ -118,7 +125,7 @@ class _Drawing:
     def __init__(self, description: Description, palette: dict[str, str], width: int) -> None:
         self.of, self.palette, self.width = description, palette, width
         self.stacked = width < STACKED
-        self.left, self.right = (60, 8) if self.stacked else (78, 18)
+        self.left, self.right = (62, 8) if self.stacked else (78, 18)
         self.texts: list[tuple[float, float, str, float, dict]] = []  # of the head, as its height decides that of the figure
         head = self._head()
         strip = (32 if description.moments else 8) + (STRIP + 6 if any(one.texts for one in description.stretches) else 8)
@@ -130,7 +137,7 @@ class _Drawing:
         each = strip + panels * self.pitch - BETWEEN - TITLE * self.titled + AXIS - own
         places = range(len(description.columns))
         blocks = [[place] for place in places] if self.stacked else [list(places)]
-        known = "    ".join(f"{one.sign} {one.text}" for one in description.moments if one.text)
+        known = WIDE.join(_kept(f"{one.sign} {one.text}") for one in description.moments if one.sign and one.text)
         signs = self._wrapped(known, 8)
         rows = -(-len(description.numbers) // self._abreast)
         self.height = head + len(blocks) * each + RESULT * rows + (16 * len(signs) + 8 if signs else 0)
@@ -175,7 +182,8 @@ class _Drawing:
                 y += 30
             else:
                 self.texts.append((self.width - self.right - 8, 32, of.grade.upper(), 12, {**how, "ha": "right"}))
-        for text, size, colour, gap in ((of.conditions, 8.5, NOTE, 0), (of.sentence, 10, INK, 8)):
+        conditions = re.sub(r"(?<![,·]) (?!·)", "\u00a0", of.conditions)  # a line is broken behind a comma or around a dot
+        for text, size, colour, gap in ((conditions, 8.5, NOTE, 0), (of.sentence, 10, INK, 8)):
             lines = self._wrapped(text, size)
             y += gap if lines else 0
             for line in lines:
@@ -207,7 +215,7 @@ class _Drawing:
             first, last = (left + (min(max(t, column.first), column.last) - column.first) * scale for t in (one.start, one.end))
             self._phase(one, first, last, under, high)
         room = -1e9
-        for one in self.of.moments:
+        for one in (one for one in self.of.moments if one.sign):
             x = left + (one.t - column.first) * scale
             if column.first <= one.t <= column.last and x - room >= NEXT:
                 y = bottom - (STRIP if parts else 0) - 5
@@ -250,7 +258,7 @@ class _Drawing:
                 last = panel is self.of.panels[-1] or panel.across is not None
                 self._frame(axes, panel, place == places[0], last, axis)
                 self._shade(axes)
-                shown = [one for one in panel.curves if one.column in (None, place)]
+                shown = [_within(one, column) for one in panel.curves if one.column in (None, place)]
                 self._curves(axes, panel, shown)
                 self._words(axes, panel, shown, (width, self.of.high), place)
             left += width + GUTTER
@@ -266,7 +274,7 @@ class _Drawing:
             axes.set_ylabel(panel.unit if self.titled else _name(panel), fontsize=9, color=colours[INK])
             if self.titled:
                 axes.set_title(panel.title, fontsize=9, color=colours[INK], loc="left", pad=4)
-            axes.yaxis.set_label_coords(((8 if self.stacked else 20) - self.left) / (axes.bbox.width or 1.0), 0.5)
+            axes.yaxis.set_label_coords(((14 if self.stacked else 20) - self.left) / (axes.bbox.width or 1.0), 0.5)
         if last:
             axes.set_xlabel(column.title, fontsize=9, color=colours[INK])
 
@@ -277,7 +285,8 @@ class _Drawing:
             look = {"facecolor": colours[one.kind], "edgecolor": colours[GROUND] if hatch else "none", "linewidth": 0}
             axes.axvspan(one.start, one.end, hatch=hatch, hatch_linewidth=1.2, zorder=0.5, **look)
         for one in self.of.moments:
-            axes.axvline(one.t, color=colours[RULE], linewidth=0.7, linestyle=(0, (4, 3)), zorder=0.8)
+            look = {"color": colours[LIMIT], "linewidth": 1.0} if one.limit else {"color": colours[RULE], "linewidth": 0.7}
+            axes.axvline(one.t, linestyle=(0, (4, 3)), zorder=0.8, **look)
 
     def _curves(self, axes: Axes, panel: Panel, shown: Sequence[Curve]) -> None:
         colours = self.palette
@@ -319,6 +328,8 @@ class _Drawing:
         for one in self.of.moments:
             x = float(pixels(one.t, panel.rings[0].y if panel.rings else axes.get_ylim()[0])[0, 0])
             labels.line(x, 0, x, labels.height)
+            if one.limit and panel is self.of.panels[-1] and self._shows(one.t, place):
+                self._label(axes, labels, (one.text,), LIMIT, lambda size, x=x: beside(x, size, labels.height))
         for one in panel.hatches:
             x, y = pixels(one.t, one.y)
             labels.area(x, y, float(pixels(one.t[0], 0.0)[1, 0]))
@@ -387,6 +398,21 @@ class _Drawing:
 def _name(panel: Panel) -> str:
     """Return the title of a plot's axis with its unit."""
     return f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
+
+
+def _kept(text: str) -> str:
+    """Return a text whose lines are not broken within it."""
+    return text.replace(" ", "\u00a0")
+
+
+def _within(curve: Curve, column: Column) -> Curve:
+    """Return what a column shows of a curve over time, and a point more at both ends; other curves stay as they are."""
+    if len(curve.t) < 2 or (np.diff(curve.t) < 0.0).any():
+        return curve
+    first, last = np.searchsorted(curve.t, (column.first, column.last))
+    part = slice(max(0, first - 1), last + 1)
+    band = curve.band and (curve.band[0][part], curve.band[1][part])
+    return replace(curve, t=curve.t[part], y=curve.y[part], band=band)
 
 
 def _scale(axes: Axes, panel: Panel, column: Column, width: float) -> None:

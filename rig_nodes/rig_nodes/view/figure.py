@@ -123,11 +123,15 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Moment:
-    """An instant with its sign in the strip and the words that explain the sign; empty words are not explained."""
+    """An instant with its sign in the strip and the words that explain the sign; empty words are not explained.
+
+    One that is a limit of time has no sign, and its text stands beside its line.
+    """
 
     t: float
     sign: str
     text: str
+    limit: bool = False
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ from ..analysis import (
     odd_width,
     phases_of,
     running_mean,
+    sentence_of_peak,
     shift_name,
     times_of,
     verdicts_in,
@@ -117,6 +118,62 @@ def figure_of_shift(
     return _Shift(report, number, pages, pages.box, signals, span).figure()
 
 
+def window_of(report: Mapping, number: int, pages: Pages, span: tuple[float, float]) -> tuple[float, float]:
+    """Return the times [s] between which the figure of a shift shows it; arguments as for :func:`figure_of_shift`."""
+    assert pages.box is not None
+    return _Shift(report, number, pages, pages.box, {}, span).window
+
+
+def signals_of(box: Transmission) -> list[str]:
+    """Return the signals that the figures of a transmission's shifts show."""
+    ends = [name for end in (box.input, box.output) for name in (end.torque, end.speed)]
+    each = [(one.pressure, one.setpoint, *map(one.signal, ("torque", "capacity", "slip"))) for one in box.clutches]
+    return [*ends, *(name for names in each for name in names)]
+
+
+def stretches_of(row: Mapping, box: Transmission) -> list[Stretch]:
+    """Return the phases of a shift in ms after its order, and the time in which its torque settles.
+
+    Parameters
+    ----------
+    row : mapping
+        Its row of the report.
+    box : Transmission
+        The transmission.
+    """
+    names = " and ".join(clutch.name for clutch in box.shift(row["from_gear"], row["to_gear"]).engaging)
+    parts = [(one.name, one.start, one.end) for one in phases_of(row)]
+    parts += [(SETTLING, one.start, one.end) for one in times_of(row) if one.name == "t_o"]
+    found = []
+    for kind, start, end in parts:
+        ms, word = f"{1e3 * (end - start):.0f} ms", kind.removesuffix(" phase")
+        whole = f"fill of {names}" if kind == FILL else f"{kind}: no clutch carries" if kind == INTERRUPTED else kind
+        texts = (f"{whole} {ms}", f"{kind} {ms}", f"{word} {ms}", f"{word}\n{ms}", ms.removesuffix(" ms"))
+        first, last = (1e3 * (t - row["t_order_s"]) for t in (start, end))
+        found.append(Stretch(kind, texts, first, last))
+    return found
+
+
+def marks_of(row: Mapping, box: Transmission) -> list[Moment]:
+    """Return the moments of a shift in ms after its order, as far as they were found, from the order to the settled torque."""
+    new = " and ".join(clutch.name for clutch in box.shift(row["from_gear"], row["to_gear"]).engaging) or box.names[row["to_gear"]]
+    old = "its speed" if row["from_gear"] == NEUTRAL else f"the speed of gear {box.names[row['from_gear']]}"
+    words = {
+        "order": "order",
+        "kiss point": f"kiss point: {new} begins to carry",
+        "departure": f"output leaves {old}",
+        "lock-up": f"lock-up of {new}",
+        "settled": "input torque settled",
+    }
+    ends = {one.name: one.end for one in times_of(row)}
+    known = moments_of(row) | ({"settled": ends["t_o"]} if "t_o" in ends else {})
+    return [
+        Moment(1e3 * (known[name] - row["t_order_s"]), sign, text)
+        for sign, (name, text) in zip(SIGNS, words.items())
+        if name in known
+    ]
+
+
 @dataclass(frozen=True)
 class _Shift:
     report: Mapping
@@ -136,8 +193,8 @@ class _Shift:
             grade,
             self.columns,
             tuple(panel for panel in panels if panel.curves),
-            tuple(self.stretches()),
-            tuple(self.moments()),
+            tuple(stretches_of(self.row, self.box)),
+            (*marks_of(self.row, self.box), *self.latest()),
             tuple(self.numbers()),
         )
 
@@ -225,7 +282,7 @@ class _Shift:
         if grade and not reasons:
             kept = "torque and speed" if "input_torque_high_nm" in bounds_of(row, box) else "speed"
             sentence = f"gear {box.names[new]} was reached after {1e3 * row['t_c_s']:.0f} ms, and {kept} kept within the limits"
-        parts = [sentence, f"not valid: {'; '.join(row['why'])}" if row["why"] else ""]
+        parts = [sentence, sentence_of_peak(row), f"not valid: {'; '.join(row['why'])}" if row["why"] else ""]
         return title, grade, " ".join(f"{one[0].upper()}{one[1:]}." for one in parts if one)
 
     def conditions(self) -> str:
@@ -248,33 +305,14 @@ class _Shift:
         of = f" of {run['sequence']}" if run.get("sequence") else ""
         origin = [f"shift {self.number} at {row['t_order_s']:.3f} s{of}", how]
         origin += [f"seed {run['seed']}"] if run.get("seed") is not None else []
-        return "  ·  ".join(", ".join(str(one) for one in part if one) for part in (state, set_, origin) if part)
+        return " · ".join(", ".join(str(one) for one in part if one) for part in (state, set_, origin) if part)
 
-    def stretches(self) -> list[Stretch]:
-        names = " and ".join(clutch.name for clutch in self.moved[1])
-        parts = [(one.name, one.start, one.end) for one in phases_of(self.row)]
-        parts += [(SETTLING, one.start, one.end) for one in times_of(self.row) if one.name == "t_o"]
-        found = []
-        for kind, start, end in parts:
-            ms, word = f"{1e3 * (end - start):.0f} ms", kind.removesuffix(" phase")
-            whole = f"fill of {names}" if kind == FILL else f"{kind}: no clutch carries" if kind == INTERRUPTED else kind
-            texts = (f"{whole} {ms}", f"{kind} {ms}", f"{word} {ms}", f"{word}\n{ms}", ms.removesuffix(" ms"))
-            found.append(Stretch(kind, tuple(dict.fromkeys(texts)), float(self.ms(start)), float(self.ms(end))))
-        return found
-
-    def moments(self) -> list[Moment]:
-        row, box = self.row, self.box
-        new = " and ".join(clutch.name for clutch in self.moved[1]) or box.names[row["to_gear"]]
-        old = "its speed" if row["from_gear"] == NEUTRAL else f"the speed of gear {box.names[row['from_gear']]}"
-        words = {
-            "order": "order",
-            "kiss point": f"kiss point: {new} begins to carry",
-            "departure": f"output leaves {old}",
-            "lock-up": f"lock-up of {new}",
-        }
-        found = [(float(self.ms(t)), SIGNS[i], words[name]) for i, name in enumerate(words) if (t := moments_of(row).get(name))]
-        found += [(self.end, SIGNS[-1], "input torque settled") for one in times_of(row) if one.name == "t_o"]
-        return [Moment(*one) for one in found]
+    def latest(self) -> list[Moment]:
+        """Return the time until which lock-up is good."""
+        _, last = bounds_of(self.row, self.box).get("t_c_s", (None, None))
+        return (
+            [Moment(1e3 * last, "", f"limit of t_c {1e3 * last:.0f} ms", True)] if last is not None and times_of(self.row) else []
+        )
 
     def numbers(self) -> list[Number]:
         bounds, place = bounds_of(self.row, self.box), shift_name(self.number, self.row, self.box)
@@ -424,13 +462,14 @@ class _Shift:
                 levels.append(Level(limit, f"limit {limit:.0f} Nm"))
         return Panel("shaft torque", "Nm", tuple(one for one in curves if one), tuple(one for one in rings if one), tuple(levels))
 
-    def ring(self, curve: Curve, since: float | None, value: float, text: str) -> Ring | None:
-        """Return the mark of a result on its curve: at its time [s] after the order, or where the curve reaches it.
+    def ring(self, curve: Curve, since: float | None, value: float, text: str, last: float | None = None) -> Ring | None:
+        """Return the mark of a result on its curve: at its time [s] after the order, or where the curve reaches it until ``last``.
 
         A result of the course behind what is shown has none.
         """
         if since is None:
-            inside = np.flatnonzero((curve.t >= -GRID) & (curve.t <= 1e3 * (self.row.get("course_s") or 1e-3 * self.end) + GRID))
+            end = last or self.row.get("course_s") or 1e-3 * self.end
+            inside = np.flatnonzero((curve.t >= -GRID) & (curve.t <= 1e3 * end + GRID))
             if not len(inside):
                 return None
             at = inside[int(np.nanargmin(np.abs(np.abs(curve.y[inside]) - abs(value))))]
@@ -450,9 +489,13 @@ class _Shift:
                     colour = self.colour(clutches[0]) if clutches else OTHER
                     text = f"gear {box.names[gear]}"
                     curves.append(Curve(shafts[0].signal, text, text, colour, DOTTED, shafts[0].t, shafts[0].y / box.ratios[gear]))
-        lowest = row.get("output_speed_low_rpm")
+        lowest, least = row.get("output_speed_low_rpm"), row.get("output_speed_min_rpm")
         if lowest is not None and shafts[1] is not None:
-            rings.append(self.ring(shafts[1], None, lowest, f"lowest {lowest:z.0f} rpm"))
+            kept = "" if row["k"] is None else f"k = {row['k']:.3f}"
+            both = kept and least is not None and abs(least - lowest) < 0.5
+            rings.append(self.ring(shafts[1], None, lowest, f"lowest {lowest:z.0f} rpm{f', {kept}' if both else ''}"))
+            if kept and least is not None and not both:  # that of k is the one before lock-up
+                rings.append(self.ring(shafts[1], None, least, f"{kept} by {least:z.0f} rpm", row["t_c_s"]))
             low = bounds_of(row, box).get("output_speed_low_rpm", (None, None))[0]
             if low is not None and low > lowest:
                 levels.append(Level(low, f"limit {low:.0f} rpm"))

@@ -158,3 +158,9 @@ def anywhere(size: tuple[float, float], room: tuple[int, int]) -> list[tuple[flo
     width, height = size
     lefts, lows = np.linspace(6, max(6, room[0] - width - 6), 24), np.linspace(5, max(5, room[1] - height - 5), 14)
     return [(left, low, 0.2 * left) for left in lefts for low in lows]
+
+
+def beside(x: float, size: tuple[float, float], room: int) -> list[tuple[float, float, float]]:
+    """Return wishes for the label of a vertical line at ``x`` in a plot of the height ``room``: on its right, else on its left."""
+    lows = np.linspace(ROOM + 1, room - size[1] - ROOM - 2, 20)
+    return [(left, low, cost) for left, cost in ((x + 5, 0.0), (x - 5 - size[0], 20.0)) for low in lows]

@@ -15,14 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis import LONGEST, RPM, Part, moments_of, phases_of, shift_metrics, times_of, without_slip
+from ..analysis import LONGEST, RPM, Part, shift_metrics, without_slip
 from ..bags import UNREADABLE, Recording, cdr
 from ..base import RigError
 from ..rig import NEUTRAL
 from . import layout
 from .curves import LOGGER_TOPIC, NO_TEXT, OWN_TOPIC, fits, log_state_styles, state_of, style, thinned, times
+from .figure_of_shift import marks_of, stretches_of
 from .pages import ALARM, WAITING, Colour, Pages, Plots
-from .palette import OTHER, SETTLING, rgb
+from .palette import OTHER, RULE, rgb
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -35,9 +36,6 @@ EVENT = "rig_msgs/msg/Event"
 SPARE = 0.1  # s read before and after a moment, because the log time of a message may differ from the time of its values
 STEP = 8.0  # s; part of a long stretch that is in memory at a time
 COARSE = 4  # with at least so many moments in one column, they are drawn at 1 kHz
-LOCKED = (0xB8, 0xBC, 0xC0)
-MARK_COLOURS: dict[str, Colour] = {"kiss point": WAITING, "departure": ALARM, "lock-up": LOCKED}
-TIME_COLOUR = (0x4A, 0x5F, 0x78)
 BEHIND = (0, 0, 0, 0)  # colour of a text beside its bar
 
 
@@ -55,7 +53,7 @@ class Moment:
         Time of the run at its time zero [s].
     start, end : float
         Beginning and end, from time zero [s].
-    marks : tuple of (float, Colour)
+    marks : tuple of float
         Times from zero on [s] at which its plots have a vertical line.
     lanes : mapping of str to list of (Part, Colour)
         Stretches of time shown as bars, by the name of their lane; times from zero on [s].
@@ -68,7 +66,7 @@ class Moment:
     zero: float
     start: float
     end: float
-    marks: tuple[tuple[float, Colour], ...]
+    marks: tuple[float, ...]
     lanes: Mapping[str, list[tuple[Part, Colour]]]
     drawn: Mapping[str, tuple[str, np.ndarray, np.ndarray]]
 
@@ -122,27 +120,17 @@ def shift_page(pages: Pages, columns: Sequence[Sequence[layout.Shift]], rows: Se
 
 
 def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
-    marks: list[tuple[float, Colour]] = [(0.0, rgb(OTHER))]
     lanes: dict[str, list[tuple[Part, Colour]]] = {}
+    marks = (0.0,)
     if row is not None:
-        since = [Part(one.name, one.start - shift.order, one.end - shift.order) for one in phases_of(row)]
-        for one in since:  # a lane shows one phase at a time; one that overlaps another has a lane of its own
-            apart = any(one.start < part.end - 1e-9 for part, _ in lanes.get("phases", []))
-            lanes.setdefault(one.name if apart else "phases", []).append((one, rgb(one.name)))
+        for one in stretches_of(row, shift.box):  # a lane shows one phase at a time; one that overlaps another has its own
+            apart = any(1e-3 * one.start < part.end - 1e-9 for part, _ in lanes.get("phases", []))
+            part = Part(one.texts[1], 1e-3 * one.start, 1e-3 * one.end)
+            lanes.setdefault(one.kind if apart else "phases", []).append((part, rgb(one.kind)))
         if not overlaid:
-            spans = {
-                one.name: Part(f"{one.name} {1e3 * (one.end - one.start):.0f} ms", one.start, one.end) for one in times_of(row)
-            }
-            moved = {name: Part(one.name, one.start - shift.order, one.end - shift.order) for name, one in spans.items()}
-            for lane, names in (("t_c_t_o", ("t_c", "t_o")), ("t_d", ("t_d",)), ("t_p", ("t_p",))):
-                if bars := [(moved[name], rgb(SETTLING) if name == "t_o" else TIME_COLOUR) for name in names if name in moved]:
-                    lanes[lane] = bars
-            moments = moments_of(row)
-            marks += [(moments[name] - shift.order, colour) for name, colour in MARK_COLOURS.items() if name in moments]
+            marks = tuple(1e-3 * one.t for one in marks_of(row, shift.box))
     start, end = shift.window
-    return Moment(
-        f"shift_{shift.number}", shift.title, shift.order, start - shift.order, end - shift.order, tuple(marks), lanes, {}
-    )
+    return Moment(f"shift_{shift.number}", shift.title, shift.order, start - shift.order, end - shift.order, marks, lanes, {})
 
 
 def measured_pages(pages: Pages, found: Mapping, ends: tuple[float, float]) -> list[Page]:
@@ -161,10 +149,10 @@ def measured_pages(pages: Pages, found: Mapping, ends: tuple[float, float]) -> l
     responses = []
     for n, row in enumerate(found.get("valve_responses", []), 1):
         begin, pulse, rise = row["t_order_s"], row["t_pulse_s"], row["t_rise_s"]
-        marks = [(0.0, rgb(OTHER)), *((t - begin, colour) for t, colour in ((pulse, WAITING), (rise, ALARM)) if t is not None)]
+        marks = [0.0, *(t - begin for t in (pulse, rise) if t is not None)]
         bars = {}
         if pulse is not None and rise is not None:
-            bars = {"delay": [(Part(f"delay {1e3 * (rise - pulse):.0f} ms", pulse - begin, rise - begin), TIME_COLOUR)]}
+            bars = {"delay": [(Part(f"delay {1e3 * (rise - pulse):.0f} ms", pulse - begin, rise - begin), rgb(OTHER))]}
         last = min(begin + 1.0 if rise is None else rise + 0.5, ends[1]) - begin
         title = f"valve response: {box.names[row['gear']]} at {begin:.3f} s"
         responses.append(Moment(f"response_{n}", title, begin, -0.08, max(last, 0.1), tuple(marks), bars, {}))
@@ -183,7 +171,7 @@ def measured_pages(pages: Pages, found: Mapping, ends: tuple[float, float]) -> l
         }
         title = f"coast-down from {full * RPM:.0f} rpm at {cut:.3f} s"
         end = min(1.1 * last, ends[1] - cut)
-        moment = Moment("coast_down", title, cut, -0.1 * last, end, ((0.0, rgb(OTHER)),), {}, drawn)
+        moment = Moment("coast_down", title, cut, -0.1 * last, end, (0.0,), {}, drawn)
         out.append(Page("coast_down", "Coast-down", [[moment]], pages.coast_plots, ()))
     return out
 
@@ -403,12 +391,8 @@ class MomentCurves:
     def _send_marks(self, rr: ModuleType, rec: RecordingStream, moment: Moment) -> None:
         for title, (low, high) in self.heights.items():
             place = f"{moment.root}/{layout.mark_entity(title)}"
-            # the viewer gives the first row a colour of its own, so the first row is empty
-            t = np.append(moment.start, np.repeat([at for at, _ in moment.marks], 3))
-            shades = [int.from_bytes(bytes((*colour, 255)), "big") for _, colour in moment.marks]
-            colours = np.append(shades[0], np.repeat(shades, 3)).astype(np.uint32)
+            t = np.append(moment.start, np.repeat(moment.marks, 3))
             values = np.append(np.nan, np.tile([low, high, np.nan], len(moment.marks)))
             # both ends of a line lie at the same time; averaging would reduce them to a point
-            rec.log(place, rr.SeriesLines(names="marks", widths=1.0, aggregation_policy="Off"), static=True)
-            columns = [*rr.Scalars.columns(scalars=values), *rr.SeriesLines.columns(colors=colours)]
-            rec.send_columns(place, [times(rr, t)], columns)
+            rec.log(place, rr.SeriesLines(names="marks", colors=rgb(RULE), widths=1.0, aggregation_policy="Off"), static=True)
+            rec.send_columns(place, [times(rr, t)], rr.Scalars.columns(scalars=values))

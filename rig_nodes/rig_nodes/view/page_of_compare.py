@@ -1,19 +1,20 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A comparison as one self-contained HTML page with its curves as SVG; `rig compare --html` writes it."""
+"""A comparison as one self-contained HTML page with its curves; `rig compare --html` writes it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from html import escape
 
 import numpy as np
 
 from ..analysis import Comparison, Curve, clock_lines, metric_tables, reasons, short_names, signal_tables
 from ..rig import Signal, Transmission
-from .html_page import COLOURS, Axis, Envelope, captioned, legend, page, table
-from .html_page import Curve as Drawn
+from .figure import DASHED, SOLID, Column, Description, Panel
+from .figure import Curve as Drawn
+from .page import figures, page, table, words
+from .palette import CURVES
 
 
 def compare_page(found: Comparison, signals: Mapping[str, Signal], box: Transmission) -> str:
@@ -29,13 +30,14 @@ def compare_page(found: Comparison, signals: Mapping[str, Signal], box: Transmis
         Its transmission, for the names of metrics.
     """
     names = short_names(found.names)
-    parts = [table(["recording", "offset ms", "drift ppm", "aligned by"], _clock_rows(found))]
-    parts += [f"<p>{escape(line.strip())}</p>" for line in clock_lines(found) if line.startswith("  ")]
-    parts += ["<h2>Metrics of shifts</h2>", *(table(head, rows) for head, rows in metric_tables(found, box) if rows)]
-    parts += ["<h2>Signals</h2>", *(table(head, rows) for head, rows in signal_tables(found, signals))]
-    parts += [f'<p class="note">-: {escape(line)}</p>' for line in reasons(found, box)]
-    parts += [_figure(curve, names, signals[curve.name]) for curve in found.curves if curve.name in signals]
-    return page("Comparison", parts)
+    clocks = table(["recording", "offset ms", "drift ppm", "aligned by"], _clock_rows(found))
+    said = words(line.strip() for line in clock_lines(found) if line.startswith("  "))
+    metrics = [part for head, rows in metric_tables(found, box) for part in table(head, rows)]
+    compared = [part for head, rows in signal_tables(found, signals) for part in table(head, rows)]
+    notes = words([f"-: {line}" for line in reasons(found, box)], "note")
+    drawn = [_figure(curve, names, signals[curve.name]) for curve in found.curves if curve.name in signals]
+    parts = [*compared, *notes, *figures(drawn, "signal")]
+    return page("Comparison", [("", [*clocks, *said]), ("Metrics of shifts", metrics), ("Signals", parts)])
 
 
 def _clock_rows(found: Comparison) -> list[list[str]]:
@@ -45,23 +47,17 @@ def _clock_rows(found: Comparison) -> list[list[str]]:
     ]
 
 
-def _figure(curve: Curve, names: list[str], signal: Signal) -> str:
+def _figure(curve: Curve, names: list[str], signal: Signal) -> Description:
     shown = [np.asarray(signal.shown(values), float) for values in curve.values]
-    axis = Axis(float(curve.time[0]), float(curve.time[-1]) if len(curve.time) > 1 else float(curve.time[0]) + 1.0)
-
-    def drawn(values: list[np.ndarray], first: int, label: str) -> str:
-        curves = []
-        for n, one in enumerate(values, first):
-            envelope = Envelope(axis.start, axis.end)
-            envelope.add(curve.time, one)
-            curves.append(Drawn(names[n], _colour(n), envelope))
-        return axis.plot(curves, label)
-
-    above = legend(((name, _colour(n)) for n, name in enumerate(names)), f"{signal.name} [{signal.display_unit}]")
-    rest = drawn([values - shown[0] for values in shown[1:]], 1, f"{signal.name}, difference from the first")
-    below = captioned(legend((), "difference from the first"), rest)
-    return f"<figure>{captioned(above, drawn(shown, 0, signal.name))}{below}</figure>"
-
-
-def _colour(n: int) -> str:
-    return COLOURS[n % len(COLOURS)]
+    drawn = [
+        Drawn(name, name, name, CURVES[n % len(CURVES)], DASHED if n else SOLID, curve.time, values)
+        for n, (name, values) in enumerate(zip(names, shown))
+    ]
+    rest = [
+        Drawn(name, name, name, CURVES[n % len(CURVES)], SOLID, curve.time, values - shown[0])
+        for n, (name, values) in enumerate(zip(names, shown))
+        if n
+    ]
+    unit, last = signal.display_unit, float(curve.time[-1]) if len(curve.time) > 1 else float(curve.time[0]) + 1.0
+    panels = Panel(signal.quantity, unit, tuple(drawn)), Panel("difference", unit, tuple(rest))
+    return Description(signal.name, "", "", "", (Column(float(curve.time[0]), last, "time [s]"),), panels)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
+from typing import TYPE_CHECKING
 
 from ..analysis import (
     ENDS,
@@ -31,6 +31,7 @@ from ..analysis import (
     range_text,
     results_of,
     sentence_of,
+    shift_name,
     shown,
     shown_transmission,
     spread_cells,
@@ -39,8 +40,11 @@ from ..analysis import (
     without_trips,
 )
 from ..rig import Transmission
-from .html_page import Cell, page, table
-from .report_plots import MOST_SHIFTS, Plots, heading_of
+from .page import Part, figures, lines, page, table, words
+
+if TYPE_CHECKING:
+    from .figure import Description
+    from .page import Cell
 
 ABREAST = 4  # shifts side by side in a table
 MOST_IN_TABLES = 24  # largest number of shifts whose metrics are on the page
@@ -76,7 +80,7 @@ class Facts:
     warnings: list[str] = field(default_factory=list)
 
 
-def report_page(report: Mapping, facts: Facts, plots: Plots | None) -> str:
+def report_page(report: Mapping, facts: Facts, shifts: Sequence[Description], runs: Sequence[Description]) -> str:
     """Return the page of a run; a section for which the run has no content is left out.
 
     Parameters
@@ -85,60 +89,60 @@ def report_page(report: Mapping, facts: Facts, plots: Plots | None) -> str:
         Report of build_report or report_of_recording; ``limits`` in it are the verdicts of analysis.limits.
     facts : Facts
         Facts that are not in the report.
-    plots : Plots or None
-        The plots of the run.
+    shifts, runs : sequence of Description
+        The figures of its shifts, of the first ones where there are many, and of the whole run.
     """
     run = report["run"]
     rig = (run.get("configuration") or {}).get("name") or (report.get("basis") or {}).get("rig")
     title = ": ".join(str(one) for one in (rig, run.get("sequence")) if one) or "Report"
     box = shown_transmission(dict(report)) if "bench" not in report else None
-    parts = [f"<p>{escape(str(run['description']))}</p>"] if run.get("description") else []
-    parts += [_summary(report), *_warnings(report, facts, box)]
-    parts += [*_what_was_run(run), *_limits(report.get("limits") or [])]
-    if box is not None:
-        parts += [*_shifts(report, box), *_measured(report, box)]
-    else:
-        parts += _bench(report)
-    if plots is not None:
-        parts += _plots(plots)
-    return page(title, [*parts, *_energy(report, box), *_settings(facts), *_provenance(report, facts, box)])
+    about = [str(run["description"])] if run.get("description") else []
+    more = len(report["shifts"]) - len(shifts)
+    note = [f"Figures of the first {len(shifts)} shifts; {more} more are in the bag."] if shifts and more > 0 else []
+    drawn = [("The run", figures(runs, "run"))]  # of a rig without gears it has the results
+    return page(
+        title,
+        [
+            ("", [*words(about), *_summary(report)]),
+            ("Warnings", _warnings(report, facts, box)),
+            ("Shifts", [*figures(shifts, "shift"), *words(note, "note")]),
+            *([] if box else drawn),
+            ("What was run", _what_was_run(run)),
+            ("Limits", _limits(report.get("limits") or [])),
+            *(_of_gears(report, box) if box else _of_bench(report)),
+            *(drawn if box else []),
+            ("Energy", _energy(report, box)),
+            ("Settings", _settings(facts)),
+            ("Provenance", _provenance(report, facts, box)),
+        ],
+    )
 
 
-def _section(title: str, parts: Iterable[str]) -> list[str]:
-    """Return a section with its heading; nothing when it has no part."""
-    found = [one for one in parts if one]
-    return [f"<h2>{escape(title)}</h2>", *found] if found else []
-
-
-def _words(texts: Iterable[str], kind: str = "") -> str:
-    css = f' class="{kind}"' if kind else ""
-    return "".join(f"<p{css}>{escape(text)}</p>" for text in texts)
-
-
-def _lines(lines: Sequence[str]) -> str:
-    return f'<div class="wide"><pre>{escape(chr(10).join(lines))}</pre></div>' if lines else ""
+def heading_of(number: int, row: Mapping, box: Transmission) -> str:
+    """Return the name of a shift as a heading, e.g. ``Shift 1, I → II at 3.85 s``."""
+    name = shift_name(number, row, box, " → ")
+    return name[0].upper() + name[1:]
 
 
 # ---- the head of the page
 
 
-def _summary(report: Mapping) -> str:
-    """Return one or two lines with the verdict on the run."""
-    sentences = []
+def _summary(report: Mapping) -> list[Part]:
+    """Return the verdicts on the run, each in its colour."""
+    found: list[Part] = []
     grades = [one["grade"] for one in verdicts_in(report) if one and one["grade"]] if report["shifts"] else []
     if grades:
         counts = ", ".join(f"{grades.count(grade)} {grade}" for grade in GRADES if grade in grades)
         worst = max(grades, key=GRADES.index)
-        sentences.append(f'Quality of {len(grades)} shift{"s" * (len(grades) > 1)}: <b class="{worst}">{counts}</b>.')
+        found += words([f"Quality of {len(grades)} shift{'s' * (len(grades) > 1)}: {counts}."], worst)
     if limits := report.get("limits"):
         counts = counted(limits)
         css = "missed" if MISSED in counts or NOT_FOUND in counts else "undecided" if UNDECIDED in counts else "met"
-        text = ", ".join(f"{count} {word}" for word, count in counts.items())
-        sentences.append(f'Limits: <b class="{css}">{text}</b>.')
-    return f"<p>{' '.join(sentences)}</p>" if sentences else ""
+        found += words([f"Limits: {', '.join(f'{count} {word}' for word, count in counts.items())}."], css)
+    return found
 
 
-def _warnings(report: Mapping, facts: Facts, box: Transmission | None) -> list[str]:
+def _warnings(report: Mapping, facts: Facts, box: Transmission | None) -> list[Part]:
     run, sentences = report["run"], list(facts.warnings)
     end = run.get("end")
     if isinstance(end, Mapping) and end.get("state") not in (None, "ended"):
@@ -150,14 +154,14 @@ def _warnings(report: Mapping, facts: Facts, box: Transmission | None) -> list[s
         name = heading_of(place, row, box) if box else ""
         sentences += [f"{name}, is {sentence_of(verdict)}."] if _bad(verdict) else []
         sentences += [f"{name}, is not valid: {reason}." for reason in row["why"]]
-    return _section("Warnings", [_words(dict.fromkeys(sentences), "warn")])
+    return words(dict.fromkeys(sentences), "warn")
 
 
 def _bad(verdict: Mapping | None) -> bool:
     return verdict is not None and verdict["grade"] in (POOR, FAILED)
 
 
-def _what_was_run(run: Mapping) -> list[str]:
+def _what_was_run(run: Mapping) -> list[Part]:
     controller, parameters, end = run.get("controller") or {}, run.get("parameters") or {}, run.get("end")
     rows = [
         ("rig", (run.get("configuration") or {}).get("name")),
@@ -168,8 +172,7 @@ def _what_was_run(run: Mapping) -> list[str]:
         ("duration", None if run.get("duration_s") is None else f"{run['duration_s']:.2f} s"),
         ("end", end.get("reason") if isinstance(end, Mapping) else end),
     ]
-    shown = [(name, str(value)) for name, value in rows if value]
-    return _section("What was run", [table((), shown, "text")] if shown else [])
+    return table((), [(name, str(value)) for name, value in rows if value], "text")
 
 
 def _controller(controller: Mapping) -> str:
@@ -180,7 +183,7 @@ def _controller(controller: Mapping) -> str:
     return f"{controller.get('name')} at level {controller.get('level')}{late}"
 
 
-def _limits(verdicts: Sequence[Mapping]) -> list[str]:
+def _limits(verdicts: Sequence[Mapping]) -> list[Part]:
     rows: list[list[Cell]] = []
     for one in verdicts:
         error = number(one["error"], one["digits"])
@@ -193,36 +196,39 @@ def _limits(verdicts: Sequence[Mapping]) -> list[str]:
         if any(one["verdict"] == UNDECIDED for one in verdicts)
         else ""
     )
-    return _section(
-        "Limits",
-        [table(["result", "value", "limit", "unit", "verdict"], rows) if rows else "", _words([note], "note") if note else ""],
-    )
+    return [*table(["result", "value", "limit", "unit", "verdict"], rows), *words([note], "note")]
 
 
 # ---- results
 
 
-def _shifts(report: Mapping, box: Transmission) -> list[str]:
-    rows, verdicts, parts = report["shifts"], verdicts_in(report), []
+def _of_gears(report: Mapping, box: Transmission) -> list[tuple[str, list[Part]]]:
+    return [("Results of the shifts", _shifts(report, box)), ("What was measured", _measured(report, box))]
+
+
+def _shifts(report: Mapping, box: Transmission) -> list[Part]:
+    rows, verdicts = report["shifts"], verdicts_in(report)
+    parts: list[Part] = []
     metrics = named_metrics()
     by_place = _by_shift(results_of(report), len(rows), len(metrics))
     judged = {(one["place"], one["key"]): one["verdict"] for one in report.get("limits") or []}
     for first in range(0, min(len(rows), MOST_IN_TABLES), ABREAST):
         part = range(first, min(first + ABREAST, len(rows), MOST_IN_TABLES))
-        lines: list[list[Cell]] = []
+        cells_of: list[list[Cell]] = []
         for column, metric in enumerate(metrics):
             cells = [_cell(by_place[i][column], judged) for i in part]
             if any(by_place[i][column].value is not None for i in part):
-                lines.append([f"{metric.named(box)}{'' if metric.unit == '-' else f' [{metric.shown_unit}]'}", *cells])
-        lines.append(["valid", *(("yes", "") if rows[i]["valid"] else ("no", "failed") for i in part)])
+                unit = "" if metric.unit == "-" else f" [{metric.shown_unit}]"
+                cells_of.append([f"{metric.named(box)}{unit}", *cells])
+        cells_of.append(["valid", *(("yes", "") if rows[i]["valid"] else ("no", "failed") for i in part)])
         grades = [(verdicts[i] or {}).get("grade") or "-" for i in part]
-        lines.append(["quality", *((grade, grade if grade in GRADES else "") for grade in grades)])
-        parts.append(table(["metric", *(heading_of(i + 1, rows[i], box) for i in part)], lines))
+        cells_of.append(["quality", *((grade, grade if grade in GRADES else "") for grade in grades)])
+        parts += table(["metric", *(heading_of(i + 1, rows[i], box) for i in part)], cells_of)
     names = [heading_of(i + 1, row, box) for i, row in enumerate(rows)]
-    parts += [_words([f"{line}."], "note") for line in undefined_lines(names, rows, metrics, box)]
-    parts += [_words([f"{line}."], "note") for line in begun_lines(names, rows, report.get("uncertainty") or [], box)]
+    said = [*undefined_lines(names, rows, metrics, box), *begun_lines(names, rows, report.get("uncertainty") or [], box)]
+    parts += words([f"{line}." for line in said], "note")
     if len(rows) > MOST_IN_TABLES:
-        parts.append(_words([f"The other {len(rows) - MOST_IN_TABLES} of {len(rows)} shifts are in report.json."], "note"))
+        parts += words([f"The other {len(rows) - MOST_IN_TABLES} of {len(rows)} shifts are in report.json."], "note")
     notes = [
         f"{heading_of(place, row, box)}, is {sentence}."
         for place, (row, one) in enumerate(zip(rows, verdicts), 1)
@@ -230,7 +236,7 @@ def _shifts(report: Mapping, box: Transmission) -> list[str]:
     ]
     if rows:
         notes.append("Beside each value: its largest measuring error, where it is known, and the verdict on a limit.")
-    return _section("Shifts", [*parts, _words(notes, "note")])
+    return [*parts, *words(notes, "note")]
 
 
 def _by_shift(results: Sequence[Result], shifts: int, columns: int) -> list[Sequence[Result]]:
@@ -244,61 +250,43 @@ def _cell(result: Result, judged: Mapping[tuple[str, str], str]) -> Cell:
     return (f"{value}\n{small}" if small else value, verdict if verdict in (MISSED, UNDECIDED) else "")
 
 
-def _measured(report: Mapping, box: Transmission) -> list[str]:
+def _measured(report: Mapping, box: Transmission) -> list[Part]:
     if "measured" not in report:
         return []
     results = results_of(report)[len(report["shifts"]) * len(named_metrics()) :]
     rows = [[f"{one.name}\n{one.place}", one.text, "" if one.unit == "-" else one.unit] for one in results if one.value is not None]
-    lines = measured_lines(report["measured"], box)
-    return _section("What was measured", [table(["result", "value", "unit"], rows) if rows else "", _words(lines, "note")])
+    return [*table(["result", "value", "unit"], rows), *words(measured_lines(report["measured"], box), "note")]
 
 
-def _bench(report: Mapping) -> list[str]:
+def _of_bench(report: Mapping) -> list[tuple[str, list[Part]]]:
     results = [one for one in results_of(report) if one.kind not in ENDS]
     rows = [
         [one.name if one.place == OF_A_RUN else f"{one.name}\n{one.place}", one.text, "" if one.unit == "-" else one.unit]
         for one in results
     ]
     tests = report["bench"].get("slip_tests")
-    parts = [table(["result", "value", "unit"], rows) if rows else "", _lines(bench_lines(report["bench"])) if tests else ""]
+    parts = [*table(["result", "value", "unit"], rows), *(lines(bench_lines(report["bench"])) if tests else [])]
     numbers = [
         [row["signal"], *(f"{row[key]:z.4g}" for key in ("lowest", "mean", "highest")), row["unit"]]
         for row in report.get("signals", [])
     ]
-    ranges = table(["signal", "lowest", "mean", "highest", "unit"], numbers) if numbers else ""
-    return [*_section("Results", parts), *_section("Signals", [ranges])]
-
-
-def _plots(plots: Plots) -> list[str]:
-    figures = plots.shift_figures()
-    note = f"Plots of the first {MOST_SHIFTS} shifts; {plots.left_out} more are in the bag." if plots.left_out else ""
-    legend = (
-        "Shaded: the phases, as the bars name them. Dashed lines: order, kiss point, departure of the output, lock-up."
-        if figures
-        else ""
-    )
-    return [
-        *_section(
-            "Plots of the shifts", [_words([legend], "note") if legend else "", *figures, _words([note], "note") if note else ""]
-        ),
-        *_section("Plots of the run", [plots.run_figure()]),
-    ]
+    return [("Results", parts), ("Signals", table(["signal", "lowest", "mean", "highest", "unit"], numbers))]
 
 
 # ---- the rest
 
 
-def _energy(report: Mapping, box: Transmission | None) -> list[str]:
+def _energy(report: Mapping, box: Transmission | None) -> list[Part]:
     if box is None:
         rows = [
             [row["signal"], f"{row['last']:z.6g}", row["unit"]] for row in report.get("signals", []) if row["quantity"] == "energy"
         ]
-        return _section("Energy", [table(["at the end of the run", "value", "unit"], rows) if rows else ""])
+        return table(["at the end of the run", "value", "unit"], rows)
     accounts = [("run", report["energy"]["run"])]
     shifts = zip(report["shifts"][:MOST_IN_TABLES], report["energy"]["shifts"])
     accounts += [(heading_of(place, row, box), account) for place, (row, account) in enumerate(shifts, 1)]
     accounts = [(name, account) for name, account in accounts if account]
-    parts = []
+    parts: list[Part] = []
     for first in range(0, len(accounts), ABREAST):
         part = accounts[first : first + ABREAST]
         rows = [
@@ -307,24 +295,23 @@ def _energy(report: Mapping, box: Transmission | None) -> list[str]:
             if any(one.get(f"{name}_j") is not None for _, one in part)
         ]
         rows.append(["unaccounted [J]", *(f"{one['residual_j']:z.2f}" for _, one in part)])
-        parts.append(table(["energy", *(name for name, _ in part)], rows))
-    return _section("Energy", parts)
+        parts += table(["energy", *(name for name, _ in part)], rows)
+    return parts
 
 
-def _settings(facts: Facts) -> list[str]:
+def _settings(facts: Facts) -> list[Part]:
     rows = [list(row) for row in facts.settings[:MOST_SETTINGS]]
     more = len(facts.settings) - len(rows)
-    parts = [table(["setting", "the rig's own", "in this run"], rows, "text") if rows else ""]
     notes = [facts.settings_note] if facts.settings_note else []
     notes += [f"{more} more settings differ; the bag holds all of them."] if more > 0 else []
     if not rows and not notes and facts.compared:
         notes = ["All settings are the rig's own."]
     changes = [[f"{t:.3f} s", text] for t, text in facts.changes]
-    parts += [_words(notes, "note"), table(["changed at", "to"], changes, "text") if changes else ""]
-    return _section("Settings", parts)
+    settings = table(["setting", "the rig's own", "in this run"], rows, "text")
+    return [*settings, *words(notes, "note"), *table(["changed at", "to"], changes, "text")]
 
 
-def _provenance(report: Mapping, facts: Facts, box: Transmission | None) -> list[str]:
+def _provenance(report: Mapping, facts: Facts, box: Transmission | None) -> list[Part]:
     run, rows = report["run"], list(facts.source)
     late = run.get("lateness_ms")
     parent = run.get("parent") or {}
@@ -352,7 +339,7 @@ def _provenance(report: Mapping, facts: Facts, box: Transmission | None) -> list
             ("inertias", f"{basis['inertia_driving']:g} and {basis['inertia_driven']:g} kg m2 of rig {basis['rig']}{taken}")
         )
         rows.append(("ratios", ", ".join(f"{gear} {ratio:.4f}" for gear, ratio in basis["ratios"].items())))
-    return _section("Provenance", [table((), rows, "text") if rows else ""])
+    return table((), rows, "text")
 
 
 # ---- a folder of runs
@@ -395,11 +382,10 @@ def campaign_page(
     return page(
         title,
         [
-            _words(about),
-            _summary({"shifts": [], "limits": verdicts}),
-            *_section("Warnings", [_words(warnings, "warn")]),
-            *_limits(listed),
-            *_section("Runs", [table(head, rows) if rows else ""]),
-            *_section("Spread over all runs", [table(["of", "result", "unit", "values", *ends], numbers) if numbers else ""]),
+            ("", [*words(about), *_summary({"shifts": [], "limits": verdicts})]),
+            ("Warnings", words(warnings, "warn")),
+            ("Limits", _limits(listed)),
+            ("Runs", table(head, rows)),
+            ("Spread over all runs", table(["of", "result", "unit", "values", *ends], numbers)),
         ],
     )
