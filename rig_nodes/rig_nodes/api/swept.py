@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,7 +92,7 @@ def sweep(
         entries = sorted(store.entries(), key=lambda entry: entry["member"])
     rows = [row for entry in entries for row in rows_of(plan, entry)]
     box = rig.config.transmission if rig.config.structure.gears else None
-    figures = _figures(plan, [dict(row) for row in rows if row.get("from_gear") is not None], box) if box else None
+    figures = partial(_figures, plan, [dict(row) for row in rows], box) if box else None
     for row in rows:
         row |= {name: box.short(row[name]) for name in GEARS if box and row.get(name) is not None}
     units = {}
@@ -105,16 +106,12 @@ def sweep(
     return Table({name: units.get(name, column_unit(name)) for name in columns}, rows, shown, figures)
 
 
-def _figures(plan: Plan, rows: list[dict], box: Transmission) -> Callable[[], list[Description]]:
-    """Return what describes the figures of a sweep's rows, whose gears are numbers and whose conditions are as they were varied."""
+def _figures(plan: Plan, rows: list[dict], box: Transmission) -> list[Description]:
+    """Describe the figures of a sweep's rows, whose gears are numbers and whose conditions are as they were varied."""
+    from ..view import campaign_of_sweep, figures_of_campaign
 
-    def described() -> list[Description]:
-        from ..view import Campaign, conditions_of, figures_of_campaign
-
-        given = [{one.name: f"{row[one.name]} {one.unit}".strip() for one in plan.varied} for row in rows]
-        return figures_of_campaign(Campaign(f"Sweep {plan.name}", conditions_of(given), rows, box))
-
-    return described
+    found = campaign_of_sweep(plan, rows, box)
+    return figures_of_campaign(found) if found else []
 
 
 def _to_si(rows: list[dict], one: Varied) -> str:

@@ -51,9 +51,9 @@ def main(args: argparse.Namespace) -> int:
     if args.json:
         write_json(args.json, found.as_dict())
     if args.html:
-        from ..view import compare_page
+        from ..view import Pages, compare_page
 
-        atomic_write(args.html, compare_page(found, compared.catalogue, compared.box))
+        atomic_write(args.html, compare_page(found, Pages(compared.record)))
     if args.rrd:
         from ..view import write_compare_file
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from ..analysis import Limit
+    from ..view import Description
 
 LOST = 3  # exit code: the report is made, but runs are missing in it
 UNFINISHED = "the sweep is not finished"
@@ -81,7 +82,7 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
     def make() -> str:
         from ..view import campaign_page
 
-        return campaign_page(title, about, (head, rows), spreads, warnings, (verdicts, listed))
+        return campaign_page(title, about, (head, rows), spreads, warnings, (verdicts, listed), _figures(folder, False))
 
     write_pages(args, make)
     if args.picture is not None:
@@ -92,12 +93,24 @@ def report_folder(args: argparse.Namespace, limits: list[Limit]) -> int:
     return LOST if unfinished else 0
 
 
+def _figures(folder: Path, wanted: bool) -> list[Description]:
+    """Return the figures of a folder; ``wanted`` is True where one without any is refused."""
+    from ..view import figures_of_campaign, read_campaign
+
+    try:
+        return figures_of_campaign(read_campaign(folder))
+    except RigError:
+        if wanted:
+            raise
+        return []
+
+
 def _draw(args: argparse.Namespace, folder: Path) -> None:
     """Draw a change of gears over what was varied: the first, or that of --shift."""
     optional("matplotlib")
-    from ..view import draw_figure, figures_of_campaign, read_campaign, write_figure
+    from ..view import draw_figure, write_figure
 
-    drawn = figures_of_campaign(read_campaign(folder))
+    drawn = _figures(folder, True)
     number = args.shift or 1
     if not 1 <= number <= len(drawn):
         raise RigError(f"--shift {number}: these runs have {len(drawn)} changes of gears, each with a figure")

@@ -3,7 +3,7 @@
 
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
-from .campaign import Campaign as Campaign, conditions_of as conditions_of, figures_of_campaign as figures_of_campaign, read_campaign as read_campaign
+from .campaign import campaign_of_sweep as campaign_of_sweep, figures_of_campaign as figures_of_campaign, read_campaign as read_campaign
 from .chart import Line as Line, chart as chart, front as front, write_charts as write_charts
 from .compare_file import write_compare_file as write_compare_file
 from .convert import View as View, import_rerun as import_rerun, make_close_view as make_close_view, make_tab_view as make_tab_view, make_view as make_view

@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,18 +17,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..analysis import PLOTS, REPORT_FILE, RPM, named_metrics, read_procedure, read_report, shown_transmission
-from ..bags import UNREADABLE, rig_record
 from ..base import RigError
-from ..rig import transmission_of
+from ..rig import load_rig
+from ..studies import SWEEP, SWEEP_JOURNAL, decode, plan_of, read_manifest, rows_of
 from .figure import POINTS, SOLID, Column, Curve, Description, Panel
 from .palette import CURVES
 
 if TYPE_CHECKING:
     from ..analysis import Metric
     from ..rig import Transmission
+    from ..studies import Plan
 
-SWEEP = "sweep.json"  # of a sweep that has begun
-RESULTS, MANIFEST = "results.parquet", b"rig_nodes.sweep"  # results of a sweep, and the key of its metadata on how it was made
 MOST = 3  # conditions that are columns
 ROOM = 0.06  # share of an axis left free at both ends
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
@@ -59,11 +57,9 @@ class Campaign:
 
 
 def read_campaign(path: str | Path) -> Campaign:
-    """Return the campaign of a folder; RigError when its sweep is not finished, or no run of it has a shift."""
+    """Return the campaign of a folder of runs or of a sweep; RigError when no run of it has a shift."""
     folder = Path(path)
-    if (folder / SWEEP).exists() and not (folder / RESULTS).exists():
-        raise RigError(f"{folder}: the sweep is not finished, so it has no figure")
-    found = _of_sweep(folder) if (folder / RESULTS).exists() else _of_reports(folder)
+    found = _of_sweep(folder) if (folder / SWEEP).exists() else _of_reports(folder)
     if found is None:
         raise RigError(f"{folder}: no run of it has a shift, whose metrics could be drawn")
     return found
@@ -98,27 +94,19 @@ def _of_reports(folder: Path) -> Campaign | None:
 
 
 def _of_sweep(folder: Path) -> Campaign | None:
-    import pyarrow.parquet as pq
+    plan, journal = plan_of(read_manifest(folder)["plan"]), folder / SWEEP_JOURNAL
+    config = load_rig(plan.rig, plan.fixed)
+    lines = journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
+    entries = sorted((entry for line in lines if (entry := decode(line)) is not None), key=lambda entry: entry["member"])
+    rows = [row for entry in entries for row in rows_of(plan, entry)]
+    return campaign_of_sweep(plan, rows, config.transmission) if config.structure.gears else None
 
-    try:
-        table = pq.read_table(folder / RESULTS)
-    except (OSError, ValueError) as error:
-        raise RigError(f"{folder / RESULTS}: cannot be read ({' '.join(str(error).split())}); finish the sweep again") from None
-    first = table.schema.names.index("from_gear") if "from_gear" in table.schema.names else 0
-    varied = [name for name in table.schema.names[:first] if name not in ("member", "seed", "shift")]
-    units = {name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode() for name in varied}
-    rows = [row for row in table.to_pylist() if row.get("from_gear") is not None]
-    if not rows:
-        return None
-    given = [{name: f"{row[name]} {units[name]}" if row[name] is not None else "" for name in varied} for row in rows]
-    try:
-        record = rig_record(json.loads((table.schema.metadata or {})[MANIFEST])["configuration"])
-        box = transmission_of(record)
-    except UNREADABLE as error:
-        raise RigError(
-            f"{folder / RESULTS}: does not name its rig ({type(error).__name__}: {error}); make the sweep anew"
-        ) from None
-    return Campaign(folder.name, conditions_of(given), rows, box)
+
+def campaign_of_sweep(plan: Plan, rows: Sequence[Mapping], box: Transmission) -> Campaign | None:
+    """Return the campaign of a sweep's rows (studies.rows_of); None where there is no shift among them."""
+    shifts = [row for row in rows if row.get("from_gear") is not None]
+    given = [{one.name: f"{row[one.name]} {one.unit}".strip() for one in plan.varied} for row in shifts]
+    return Campaign(f"Sweep {plan.name}", conditions_of(given), shifts, box) if shifts else None
 
 
 def conditions_of(given: Sequence[Mapping[str, object]]) -> dict[str, tuple[str, list[float]]]:

@@ -352,6 +352,7 @@ def campaign_page(
     spread: Sequence[Mapping],
     warnings: Sequence[str],
     limits: tuple[Sequence[Mapping], Sequence[Mapping]],
+    drawn: Sequence[Description],
 ) -> str:
     """Return the page of a folder of runs.
 
@@ -369,6 +370,8 @@ def campaign_page(
         Sentences on runs that did not end as planned.
     limits : (sequence of mapping, sequence of mapping)
         All verdicts on limits, and those that the page lists.
+    drawn : sequence of Description
+        Figures of the metrics over what was varied.
     """
     head, rows = runs
     verdicts, listed = limits
@@ -385,6 +388,7 @@ def campaign_page(
             ("", [*words(about), *_summary({"shifts": [], "limits": verdicts})]),
             ("Warnings", words(warnings, "warn")),
             ("Limits", _limits(listed)),
+            ("Metrics over what was varied", figures(drawn, "way")),
             ("Runs", table(head, rows)),
             ("Spread over all runs", table(["of", "result", "unit", "values", *ends], numbers)),
         ],

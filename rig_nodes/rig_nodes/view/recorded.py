@@ -103,8 +103,8 @@ def envelopes_of(path: str | Path, pages: Pages, names: Collection[str], span: t
         First and last time [s].
     """
     found: dict[str, Envelope] = {}
-    for name, t, values in _samples(path, pages, names):
-        found.setdefault(name, Envelope(*span)).add(t, values)
+    for name, t, values in samples_of(path, pages, names):
+        found.setdefault(name, Envelope(*span)).add(t, pages.known.signals[name].shown(values))
     return {name: one for name, one in found.items() if one.filled.any()}
 
 
@@ -113,15 +113,15 @@ def stretch_of(
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return times (n,) [s] and values (n,) of signals between two times; arguments as for :func:`envelopes_of`."""
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    for name, t, values in _samples(path, pages, names):
+    for name, t, values in samples_of(path, pages, names):
         part = slice(*np.searchsorted(t, span))
         if len(t[part]):
-            found.setdefault(name, []).append((t[part], values[part]))
+            found.setdefault(name, []).append((t[part], pages.known.signals[name].shown(values[part])))
     return {name: (np.concatenate([t for t, _ in parts]), np.concatenate([y for _, y in parts])) for name, parts in found.items()}
 
 
-def _samples(path: str | Path, pages: Pages, names: Collection[str]) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Yield name, times [s] and values of signals piece by piece."""
+def samples_of(path: str | Path, pages: Pages, names: Collection[str]) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield name, times (n,) [s] and values (n,) [SI] of signals, piece by piece of a bag."""
     for piece in Bag.pieces(path, PIECE, recover=True):
         logged, t = {}, np.empty(0)
         if piece.counts.get(LOGGER):
@@ -131,9 +131,7 @@ def _samples(path: str | Path, pages: Pages, names: Collection[str]) -> Iterator
             except RigError:
                 pass  # the report names the problem
         for name in names:
-            signal = pages.known.signals[name]
             if name in logged:
-                yield name, t, signal.shown(logged[name])
-            elif piece.counts.get(signal.topic) and piece.has_field(signal):
-                times, values = piece.series(signal)
-                yield name, times, signal.shown(values)
+                yield name, t, logged[name]
+            elif (signal := pages.known.signals.get(name)) and piece.counts.get(signal.topic) and piece.has_field(signal):
+                yield name, *piece.series(signal)

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis import LOGGER
-from ..bags import PIECE, Bag
-from ..base import RigError
 from .figure_of_shift import figure_of_shift, signals_of, window_of
+from .recorded import samples_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from .figure import Description
     from .pages import Pages
@@ -58,7 +56,7 @@ def figures_of_shifts(path: str, report: Mapping, pages: Pages, span: tuple[floa
         return []
     windows = [window_of(report, number, pages, span) for number in numbers]
     kept: list[dict[str, list[Samples]]] = [{} for _ in numbers]
-    for name, t, values in _samples(path, pages, signals_of(box)):
+    for name, t, values in samples_of(path, pages, signals_of(box)):
         for (first, last), found in zip(windows, kept):
             part = slice(*np.searchsorted(t, (first - SPARE, last + SPARE)))
             if len(t[part]):
@@ -69,21 +67,3 @@ def figures_of_shifts(path: str, report: Mapping, pages: Pages, span: tuple[floa
 
 def _joined(parts: list[Samples]) -> Samples:
     return Samples(np.concatenate([one.values for one in parts]), np.concatenate([one.time for one in parts]))
-
-
-def _samples(path: str, pages: Pages, names: list[str]) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Yield name, times [s] and values [SI] of signals, piece by piece of the bag."""
-    for piece in Bag.pieces(path, PIECE, recover=True):
-        logged: Mapping[str, np.ndarray] = {}
-        t = np.empty(0)
-        if piece.counts.get(LOGGER):
-            try:
-                logger = piece.logger(LOGGER, fill=True)
-                logged, t = logger.channels, logger.time()
-            except RigError:
-                logged = {}  # the report names the problem
-        for name in names:
-            if name in logged:
-                yield name, t, logged[name]
-            elif (signal := pages.known.signals.get(name)) and piece.counts.get(signal.topic) and piece.has_field(signal):
-                yield name, *piece.series(signal)
