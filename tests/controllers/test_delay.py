@@ -43,7 +43,7 @@ def test_the_safe_state_forgets_what_is_on_its_way(config):
     rig = Rig(config, controller="external", delay=9)
     rig.advance_samples(1)
     rig.set_duty(0, [1.0, 0.0, 0.0], [0.0] * 3, 1, False)
-    rig.trip("somebody says so")
+    rig.trip("somebody says so", "test")
     rig.reset()
     rig.advance_samples(30)
     assert rig.measurement("I_zr_p1") < 0.01

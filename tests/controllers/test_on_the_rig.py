@@ -105,7 +105,7 @@ def test_the_first_command_says_at_which_level_a_rig_is_driven(config, level):
             rig.set_command(level, sample, [0.2, 0.0, 0.0], [0.3, 0.0, 0.0], 1, False, 0)
     assert without_level.level == with_level.level and without_level.state_hash() == with_level.state_hash()
     assert (without_level.duty.any(), without_level.measurement("I_zr_p1") > 0.01) == (level == 0, True)
-    without_level.trip("somebody says so")
+    without_level.trip("somebody says so", "test")
     without_level.reset()
     without_level.advance_samples(1)
     with pytest.raises(RigError, match=f"level '{with_level.level}', found one at .*stays until its end"):

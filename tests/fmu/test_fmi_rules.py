@@ -199,7 +199,7 @@ advance = Rig.advance_samples
 def advance_samples(self, samples=1):
     advance(self, samples)
     if self.sample >= 250:
-        self.trip({REASON!r})
+        self.trip({REASON!r}, "test")
 Rig.advance_samples = advance_samples
 """
 

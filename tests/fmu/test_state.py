@@ -187,7 +187,7 @@ def model(tmp_path):
 def test_a_trip_is_undone_by_an_older_state(model):
     model.step(10)
     data, state = model.save(), model.rig.state_hash()
-    model.rig.trip("overload")
+    model.rig.trip("overload", "test")
     model.step(10)
     tripped = model.save()
     for saved, reason in ((data, ""), (tripped, "overload"), (data, "")):

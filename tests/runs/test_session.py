@@ -109,7 +109,7 @@ def test_a_branch_of_commands_from_outside_that_are_on_their_way(config, level, 
 
 def test_a_branch_after_a_trip_keeps_its_reason(config):
     session = begun(config)
-    session.rig.trip("a reason of the test")
+    session.rig.trip("a reason of the test", "test")
     check_branches(session, Session(config))
     assert session.status == "tripped" and session.reason == "a reason of the test"
     session.reset()

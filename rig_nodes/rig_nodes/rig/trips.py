@@ -309,18 +309,24 @@ def _torques(config: RigConfig) -> Iterator[Trip]:
             yield Trip(f"overtorque_{one.name}", watched, "torque", 1.2 * full, source, TOO_HIGH, 0.02)
 
 
+def _turning(config: RigConfig) -> Condition:
+    """The input turns: a rig that stands does not suffer."""
+    turns = Sum("speed", ((f"{config.structure.input.body}.speed", 1.0),), True)
+    return Condition(turns, True, 5.0, "the input turns")
+
+
 def _oil(config: RigConfig, oil: Device) -> Iterator[Trip]:
     """Oil that is too hot, and a supply that is lost while it feeds the clutches of a gear."""
     hot = Sum(f"temperature of the oil of {oil.called}", ((f"{oil.name}.oil_temperature", 1.0),))
     yield Trip(f"hot_{oil.name}", hot, "temperature", 110.0, "assumed: mineral oil ages quickly above it", TOO_HIGH, 0.1)
     fed = [valve for valve in config.structure.valves if config.structure.oil_of(valve, "supply") == oil.name]
-    if not fed or not config.structure.shifts:
+    if not fed or not config.structure.shifts or config.structure.input is None:
         return
     most = max(getattr(config, valve.name).pressure_limit for valve in fed)
     watched = Sum(f"pressure of {oil.called}", ((f"{config.structure.line_of(oil.name)}.pressure", 1.0),))
     in_gear = Condition(Sum("gear", ((GEAR, 1.0),)), True, 0.5, "a gear is ordered")
     source = "assumed: a fifth of the highest pressure of its valves"
-    yield Trip(f"lost_{oil.name}", watched, "pressure", 0.2 * most, source, TOO_LOW, 0.5, False, (in_gear,))
+    yield Trip(f"lost_{oil.name}", watched, "pressure", 0.2 * most, source, TOO_LOW, 0.5, False, (in_gear, _turning(config)))
 
 
 def _valve(config: RigConfig, valve: Device) -> Iterator[Trip]:
@@ -381,7 +387,7 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
     structure = config.structure
     into, out = structure.input, structure.output
     together = {frozenset(pair) for gear in structure.gears for pair in combinations(gear.clutches, 2)}
-    turns = Condition(Sum("speed", ((f"{into.body}.speed", 1.0),), True), True, 5.0, "the input turns")
+    turns = _turning(config)
     for a, b in combinations([name for name in packs if any(name in gear.clutches for gear in structure.gears)], 2):
         if frozenset((a, b)) in together:
             continue
@@ -407,7 +413,7 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
                 NOT_RESPONDING,
                 1.0,
                 False,
-                engaged,
+                (*engaged, turns),
             )
         ratio = config.transmission.ratios.get(number)
         if ratio is None or len(held) < len(gear.held):
