@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from ..base import DEFAULT_RIG
@@ -15,6 +16,9 @@ from .shared_arguments import add_rig
 
 if TYPE_CHECKING:
     import argparse
+
+    from ..controllers import Plug
+    from ..rig import RigConfig
 
 COME = 20.0  # s within which a controller that is a separate program must connect
 MARKS, NOT_RUN = {True: "ok", False: "FAILED", None: "-"}, "not run"
@@ -38,6 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"seconds that it may take for one sample, and to come, or none (default: 5, and {COME:.0f} to come)",
     )
     add_in_process(check)
+    check.add_argument(
+        "--faults",
+        action="store_true",
+        help="shift with each type of fault instead: tripped in time, shifted well, shifted badly or did harm",
+    )
     check.add_argument("--json", action="store_true", help="print the table as JSON")
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(TEMPLATES), help="what it is: " + ", ".join(TEMPLATES))
@@ -58,6 +67,8 @@ def check(args: argparse.Namespace) -> int:
     quiet = args.json
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
     config = load_gearbox_rig(args.rig, None, "controller check")
+    if args.faults:
+        return check_faults(args, config)
     items = []
     step_timeout, come_timeout = args.step_timeout
     for item in Check(controller_of(args.spec, args.in_process), config, args.level, step_timeout, come_timeout, say).items():
@@ -74,6 +85,31 @@ def check(args: argparse.Namespace) -> int:
         not_for_it = f", {aside} do not apply to a controller with its own clock" if aside else ""
         print(f"{asked - failed - not_run} of {asked} passed{f', {not_run} not run' if not_run else ''}{not_for_it}")
     return 1 if failed else 0
+
+
+def check_faults(args: argparse.Namespace, config: RigConfig) -> int:
+    """Shift with each type of fault and print what became of it; the table is no verdict, so the exit code is 0."""
+    from ..controllers import load_controller
+    from ..runs import check_under_faults
+
+    spec, rows = controller_of(args.spec, args.in_process), []
+
+    def load(rig: RigConfig) -> Plug:
+        controller = load_controller(spec, rig, args.level)
+        controller.pace(args.step_timeout.step)
+        controller.wait(args.step_timeout.come)
+        return controller
+
+    for one in check_under_faults(load, config):
+        rows.append(one._asdict())
+        if not args.json:
+            print(f"{one.outcome:<17}{one.fault or 'no fault':<27}{one.text}", flush=True)
+    counts = Counter(row["outcome"] for row in rows[1:])
+    if args.json:
+        print(json.dumps({"controller": args.spec, "counts": counts, "faults": rows}, indent=1))
+    else:
+        print(f"{len(rows) - 1} faults: {', '.join(f'{outcome} {count}' for outcome, count in counts.most_common())}")
+    return 0
 
 
 def new(args: argparse.Namespace) -> int:

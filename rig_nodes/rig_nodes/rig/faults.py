@@ -246,9 +246,10 @@ def read_fault(config: RigConfig, given: str | Mapping, where: str) -> FaultOrde
         if key not in node:
             return usual
         value = quantity(node[key], dimension, f"{where}: fault {name}: {key}")
-        if not low <= value <= high:
+        rounding = 1e-9 * abs(value)  # of the unit in which it is written
+        if not low - rounding <= value <= high + rounding:
             raise RigError(f"{where}: fault {name}: {key} is {node[key]}, expected {span(low, high, node[key])}")
-        return value
+        return min(max(value, low), high)
 
     return FaultOrder(
         text,

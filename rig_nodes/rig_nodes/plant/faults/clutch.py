@@ -80,16 +80,19 @@ FAULTS = (
         *("glazed", CLUTCH, "linings", "The linings are glazed."),
         *("the clutch slips longer at the same pressure", glazed, PACK, UNCALIBRATED),
         Size("ratio", 0.0, 1.0, 0.8, "share of the linings' life that is over"),
+        built_in=True,
     ),
     Fault(
         *("worn", CLUTCH, "linings", "The linings are worn."),
         *("the clutch engages late", worn, PACK, UNCALIBRATED),
         Size("length", 0.0, 5e-3, 0.8e-3, "thickness that the whole pack has lost"),
+        built_in=True,
     ),
     Fault(
         *("tight", CLUTCH, "shim", "The clearance is too small."),
         *("the clutch engages early, and drags when open", tight, PACK, UNCALIBRATED),
         Size("ratio", 0.0, 0.95, 0.5, "share of the clearance that is missing"),
+        built_in=True,
     ),
     Fault(
         *("spring", CLUTCH, "return springs", "Return springs are broken."),
@@ -105,6 +108,7 @@ FAULTS = (
         *("warped", CLUTCH, "plates", "The steel plates are warped."),
         *("the clutch engages early and softly, and drags", warped, PACK, UNKNOWN),
         Size("length", 0.0, 3e-3, 0.8e-3, "further height of the waves over the pack"),
+        built_in=True,
     ),
     Fault(
         *("leaking_line", CLUTCH, "line", "Hose or rotary feed leak."),

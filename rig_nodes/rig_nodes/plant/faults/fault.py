@@ -21,8 +21,8 @@ FAMILIES = Group("faults", "fault", __package__, "FAULTS")
 # orders is also their name as an owner.
 TRANSDUCER, MESSAGES = "transducer", "messages"
 ABRUPT, GROWING, INTERMITTENT = ONSETS = ("abrupt", "growing", "intermittent")
-# SPNs from here on are a manufacturer's own in SAE J1939-73, and FMIs are numbered there
-FIRST_SPN = 520192
+# of suspect parameters that SAE J1939 leaves to a manufacturer, behind those of trips; FMIs are numbered in SAE J1939-73
+FIRST_SPN = 522_240
 ABOVE, BELOW, ERRATIC, LOST, OPEN, SHORT, STUCK, RATE, UPDATE, UNKNOWN, BAD, UNCALIBRATED = 15, 17, 2, 4, 5, 6, 7, 8, 9, 11, 12, 13
 NETWORK, DRIFTED = 19, 20  # received network data in error, data drifted high
 
@@ -110,6 +110,8 @@ class Fault:
         Its parameter; None for a fault without one, which cannot grow.
     onset : str
         How it sets in where an order does not say: one of ONSETS.
+    built_in : bool
+        True for wear or wrong assembly, which is there before a run begins: campaigns begin with it.
     lacks : function
         lacks(configs) returns what a device of this configuration lacks for it, or an empty text.
     """
@@ -124,6 +126,7 @@ class Fault:
     fmi: int
     size: Size | None = None
     onset: str = ABRUPT
+    built_in: bool = False
     lacks: Callable[[tuple[Any, ...]], str] = lambda _configs: ""
 
 
