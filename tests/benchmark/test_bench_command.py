@@ -21,7 +21,6 @@ def test_what_is_refused(capsys):
     for arguments, sentence in (
         (["nonsense"], "there is no part to measure 'nonsense'; known are kernel, rigs, demo"),
         (["kernel", "--repeats", "0"], "--repeats 0: at least 1"),
-        (["kernel", "--write-docs"], "without naming parts"),
         (["kernel", "--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no folder /nowhere"),
         (["kernel", "--json", "/"], "it is a folder, expected a file"),
     ):

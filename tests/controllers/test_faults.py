@@ -3,7 +3,7 @@
 
 """Each way in which a controller can fail: the sentence that a person reads, the exit code and the safe state.
 
-The table of docs/how_to/controllers.md names these tests; tests/graph/test_controller_process.py tests the same on the graph.
+tests/graph/test_controller_process.py tests the same on the graph.
 """
 
 import json
@@ -11,7 +11,6 @@ import re
 import subprocess
 import threading
 import zipfile
-from pathlib import Path
 
 import pytest
 
@@ -257,20 +256,3 @@ def test_a_controller_by_its_own_clock_that_fails(made, line, simulate, config, 
     assert code == 1 and re.fullmatch(r"rig: .*older than 100 ms.*\n", error)
     assert re.search(line, out), out
     check_safe_state(tmp_path / "run", 0.1)
-
-
-@pytest.mark.parametrize(
-    "row",
-    [
-        line
-        for line in (Path(__file__).parents[2] / "docs" / "how_to" / "controllers.md").read_text(encoding="utf-8").splitlines()
-        if line.startswith("| ") and re.search(r"`test_\w+`", line)
-    ],
-)
-def test_the_page_names_tests_that_there_are(row):
-    tests = Path(__file__).parents[1]
-    for name in re.findall(r"`(test_\w+)`", row):
-        assert any(
-            f"def {name}(" in path.read_text(encoding="utf-8")
-            for path in (*tests.glob("controllers/*.py"), *tests.glob("graph/test_c*.py"))
-        ), name

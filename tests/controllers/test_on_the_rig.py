@@ -314,11 +314,6 @@ def test_a_controller_that_only_says_that_it_shifts_fails_a_strict_run_and_no_ot
 # ---- the pages
 
 
-def doc_block(language):
-    """Returns the first block of a language in docs/how_to/controllers.md."""
-    return re.search(rf"```{language}\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.S)[1]
-
-
 def doc_commands(heading, page=DOCS):
     section = page.read_text(encoding="utf-8").split(f"## {heading}\n")[1].split("\n## ")[0]
     return re.findall(r"^    (\S.*)$", re.sub(r"```.*?```", "", section, flags=re.S), re.M)
@@ -339,9 +334,8 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
         request.getfixturevalue("ros_domain")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rig_nodes").symlink_to(DOCS.parents[2] / "rig_nodes")
-    if kind in ("Python", "C"):
-        suffix = {"Python": "py", "C": "c"}[kind]
-        Path(f"my_controller.{suffix}").write_text(doc_block(kind.lower()))
+    if kind == "Python":
+        Path("my_controller.py").write_text(re.search(r"```python\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.S)[1])
     heading = "From your code to the first shift" + (f": {kind}" if page == "controllers.md" else "")
     commands = doc_commands(heading, DOCS.with_name(page))
     assert len(commands) == count

@@ -7,9 +7,7 @@ import itertools
 import re
 import signal
 import threading
-from pathlib import Path
 from types import SimpleNamespace
-from xml.etree import ElementTree
 
 import pytest
 from rclpy.context import Context
@@ -481,17 +479,3 @@ def test_free_running_nobody_waits_and_silence_is_the_safe_state(config, ros_pro
     rig.advance_samples(200)
     assert rig.measurement("I_zr_p1") < 0.005
     plug.close()
-
-
-# ---- the page
-
-
-def test_the_description_in_the_words_of_ros2_control_names_fields_that_there_are():
-    text = (Path(__file__).parents[2] / "docs" / "how_to" / "ros_controller.md").read_text(encoding="utf-8")
-    description = ElementTree.fromstring(re.search(r"```xml\n(.*?)```", text, re.S)[1])
-    fields = [(parent.tag, param.text) for parent in description.iter() for param in parent.iterfind("param[@name='field']")]
-    assert len(fields) == 11
-    for tag, field in fields:
-        message, _, name = field.partition(".")
-        kind = {"command_interface": ControllerAnswer, "state_interface": ControllerStep}[tag]
-        assert message == kind.__name__ and name.partition("[")[0] in kind.get_fields_and_field_types()

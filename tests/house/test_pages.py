@@ -1,10 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Commands and links of README and docs: each verb and option exists, each value is valid, and each file is there."""
+"""README and docs: each command is understood, each file linked to is there, and the words written by hand keep to a budget."""
 
 import re
 import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,11 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import module_of
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "ros_ws" / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+DOCS = ROOT / "docs"
+BY_HAND = [*sorted(DOCS.glob("*.md")), *(path for path in sorted(DOCS.glob("[!_]*/*.md")) if path.parent.name != "made")]
+PAGES = [ROOT / "README.md", ROOT / "ros_ws" / "README.md", *BY_HAND]
+MADE = {"signals", "parameters", "settings", "metrics", "command_line", "messages", "api", "validation"}
+BUDGET = 30_000  # words of all pages by hand, README and CONTRIBUTING
 LINE = re.compile(r"^(?:    |\$ )?\./rig (?P<words>[^#\n]*?)(?:\s{2,}#.*|\s#\s.*)?$")
 STANDS_FOR = {"N": "7", "PORT": "9002", "...": "x"}  # words of a command that stand for values
 
@@ -62,5 +67,29 @@ def test_there_are_many_and_a_wrong_one_is_found():
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_to_files_lead_to_some(page):
     links = re.findall(r"\]\(([^)\s#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
-    lost = [link for link in links if not re.match(r"[a-z]+:", link) and not (page.parent / link).exists()]
-    assert lost == []
+    made = {DOCS / "made" / f"{name}.md" for name in MADE}
+    files = [link for link in links if not re.match(r"[a-z]+:", link)]
+    assert [link for link in files if not (page.parent / link).exists() and (page.parent / link).resolve() not in made] == []
+
+
+def test_the_words_by_hand_keep_to_their_budget():
+    counts = {
+        path: len(path.read_text(encoding="utf-8").split()) for path in (*BY_HAND, ROOT / "README.md", ROOT / "CONTRIBUTING.md")
+    }
+    total = sum(counts.values())
+    longest = sorted(counts, key=counts.get, reverse=True)[:5]
+    print(f"{total} words by hand; longest: {', '.join(f'{path.relative_to(ROOT)} {counts[path]}' for path in longest)}")
+    assert total <= BUDGET, f"{total} words by hand, {total - BUDGET} over the budget"
+
+
+def test_the_index_has_one_line_for_each_page():
+    lines = (DOCS / "index.md").read_text(encoding="utf-8").splitlines()
+    named = [link for line in lines if line.startswith("- ") for link in re.findall(r"\]\(([^)]+)\)", line)]
+    pages = {path.relative_to(DOCS).as_posix() for path in BY_HAND} | {f"made/{name}.md" for name in MADE}
+    of_rigs = {name for name in pages if name.startswith("rigs/")} - {"rigs/index.md"}  # have their lines in rigs/index.md
+    assert sorted(named) == sorted(pages - of_rigs - {"index.md"})
+
+
+def test_no_made_page_is_kept():
+    kept = subprocess.run(["git", "ls-files", "docs/made", "docs/_build"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert kept.stdout == ""

@@ -3,7 +3,7 @@
 
 """Opens the exported files of a run, and its bag, with tools of others, and compares the logger's channels bit by bit.
 
-docs/how_to/release.md gives the command.
+README.md beside it gives the command.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks that all bags below a folder, those of other programs, are read whole and copied byte for byte (docs/how_to/release.md).
+"""Checks that all bags below a folder, those of other programs, are read whole and copied byte for byte (README.md beside it).
 
 Exit code 0 when all are, 1 when one is not, 2 when there is none.
 """

@@ -6,7 +6,7 @@
 
 With --core: the package by pip alone, without ROS and without a compiler.
 
-Run by hand or by a release job, as root (docs/how_to/release.md). Packages and commands are read from the README of
+Run by hand or by a release job, as root (README.md beside it). Packages and commands are read from the README of
 the commit that is checked. Exit code 0: all commands passed; 1: one failed; 2: the check could not be made.
 Standard library only. Mounts and processes live in namespaces of their own, so the kernel ends them with the
 script in every case; nothing has to be unmounted.

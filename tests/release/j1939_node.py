@@ -8,7 +8,7 @@
     PYTHONPATH=/tmp/can-j1939 .venv/bin/python tests/release/j1939_node.py &
     ./rig simulate demo --controller "can:239.74.163.2?interface=udp_multicast"
 
-It ends when the rig has been silent for 3 s. See docs/how_to/release.md.
+It ends when the rig has been silent for 3 s. See README.md beside it.
 """
 
 import struct

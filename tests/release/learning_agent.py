@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks the environment with the checker of stable-baselines3, and lets its PPO take some steps (docs/how_to/release.md)."""
+"""Checks the environment with the checker of stable-baselines3, and lets its PPO take some steps (README.md beside it)."""
 
 import gymnasium
 from gymnasium.wrappers import RescaleAction

@@ -5,7 +5,7 @@
 //
 //     npm install modbus-serial && NODE_PATH=node_modules node tests/release/modbus_serial.js 5020
 //
-// It waits for a rig, answers it until the rig ends, and then ends itself. See docs/how_to/release.md.
+// It waits for a rig, answers it until the rig ends, and then ends itself. See README.md beside it.
 
 const ModbusRTU = require("modbus-serial");
 

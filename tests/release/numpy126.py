@@ -5,7 +5,7 @@
 """Release check with numpy 1.26, the one of Ubuntu 24.04: the locked packages without the viewer, demo, tests.
 
 Standard library only. Makes a copy of the checkout with an environment of its own in a temporary folder and
-compares the bag of `rig simulate demo` there with that of the checkout. See docs/how_to/release.md.
+compares the bag of `rig simulate demo` there with that of the checkout. See README.md beside it.
 """
 
 import argparse

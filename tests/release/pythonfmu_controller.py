@@ -6,7 +6,7 @@
     pythonfmu build -f tests/release/pythonfmu_controller.py
     ./rig simulate demo --controller fmu:Shifter.fmu --level current
 
-See docs/how_to/release.md.
+See README.md beside it.
 """
 
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Integer, Real

@@ -5,7 +5,7 @@
 """Release check of the ROS 2 command line against the rig: launch, run, node, topic, param, service, action.
 
 Standard library only. Needs a `ros2` that sees rig_msgs and rig_nodes (a sourced overlay, ros_ws/README.md).
-Starts the rig itself, in a ROS domain of its own. See docs/how_to/ros2.md and docs/how_to/release.md.
+Starts the rig itself, in a ROS domain of its own. See README.md beside it.
 """
 
 import argparse

@@ -6,7 +6,7 @@
 
     two_fmus.py libcosimpy|ecospy hydmag.fmu alfa46.fmu
 
-It runs in an environment that has the master. See docs/how_to/release.md.
+It runs in an environment that has the master. See README.md beside it.
 """
 
 import sys

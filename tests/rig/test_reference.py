@@ -5,7 +5,6 @@
 
 import re
 from dataclasses import fields
-from pathlib import Path
 
 from rig_nodes.cli.main import main
 from rig_nodes.plant.parts.part import part, parts
@@ -13,19 +12,11 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.reference import page, sections
 from rig_nodes.runs.fmu.rig_variables import rig_variables
 
-ROOT = Path(__file__).resolve().parents[2]
-
 
 def described():
     """Returns the name of each value of parts and sections -> its field."""
     found = {f"{name}.{one.name}": one for name in parts() for cls in part(name).configs for one in fields(cls)}
     return found | {f"{section}.{name}": one for section, (_, those) in sections().items() for name, one in those.items()}
-
-
-def test_the_parameters_page_is_what_the_parts_say():
-    assert (ROOT / "docs" / "reference" / "parameters.md").read_text() == page(), (
-        "run: ./rig list parts --markdown > docs/reference/parameters.md"
-    )
 
 
 def test_every_value_says_what_it_is_in_one_sentence():
@@ -56,5 +47,3 @@ def test_parts_are_listed_with_their_values(capsys):
     heading, *rows = capsys.readouterr().out.splitlines()
     assert heading.split()[:4] == ["part", "value", "unit", "range"]
     assert any(row.startswith("torque_meter") and "beyond, within" in row for row in rows)
-    assert main(["list", "topics", "--markdown"]) == 2
-    assert "--markdown goes with signals and parts only" in capsys.readouterr().err

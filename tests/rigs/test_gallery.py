@@ -45,7 +45,7 @@ def test_every_rig_is_listed_with_a_line_and_a_picture_that_exists(capsys):
 
 
 def test_the_documentation_opens_with_all_rigs_their_lines_and_pictures():
-    page = (ROOT / "docs" / "README.md").read_text()
+    page = (ROOT / "docs" / "rigs" / "index.md").read_text()
     for name in installed("rigs"):
         assert f"`{name}`" in page and load_rig(name).description in page, name
         assert f"../rig_nodes/rig_nodes/rigs/{name}/picture.svg" in page, name

@@ -19,7 +19,7 @@ from rig_nodes.runs.recorded import record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.workers import Workers
-from rig_nodes.studies.tune import document, folder, judge, run, scout, search, space, uncertainty
+from rig_nodes.studies.tune import folder, judge, run, scout, search, space, uncertainty
 from rig_nodes.studies.tune.beginning import read_beginnings
 from rig_nodes.studies.tune.bench import RPM, Bench, Point, Shift
 from rig_nodes.studies.tune.problem import INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought
@@ -425,15 +425,6 @@ def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
     # the old gear carries the load until the new one takes it, so no settings give less than its torque
     assert speed["input_torque_before_nm"] <= speed["least_peak_nm"] <= speed["compared_peak_nm"] * 1.001
     assert (out / "front_II-I.svg").read_text().startswith("<?xml")
-
-    page = tmp_path / "page.md"
-    page.write_text(f"by hand\n\n{document.BEGIN}\nthe tables of before\n{document.END}\n\nmore\n")
-    document.write_tuning(page, summary, 1)
-    found = summary["chosen"]["II-I"]["soft"]
-    assert f"| `soft` | II-I | {found['P1.time']}, {found['P1.current']} |" in page.read_text()
-    assert f"| {speed['input_torque_before_nm']:.0f} Nm | {speed['least_peak_nm']:.0f} Nm |" in page.read_text()
-    assert page.read_text().startswith("by hand") and page.read_text().endswith("more\n")
-    assert "tables of before" not in page.read_text()
 
     front = (out / "front.json").read_text()
     assert main(arguments) == 0  # nothing is left to search: the same front from the journal

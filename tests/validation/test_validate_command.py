@@ -20,7 +20,7 @@ from rig_nodes.cli.main import main
 from rig_nodes.rigs.hydmag.laboratory import document, time_courses
 from rig_nodes.rigs.hydmag.laboratory.evaluate import evaluate
 from rig_nodes.rigs.hydmag.laboratory.pictures import figures
-from rig_nodes.rigs.hydmag.laboratory.programme import Result
+from rig_nodes.rigs.hydmag.laboratory.programme import Result, summary
 from rig_nodes.rigs.hydmag.laboratory.records import Record
 from rig_nodes.rigs.hydmag.laboratory.targets import load_targets
 from rig_nodes.runs.procedure import load_procedure
@@ -72,7 +72,6 @@ def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
         (["--rows", "peaks"], "row 'peaks'"),
         (["--procedures", "grid"], "procedure 'grid'; did you mean "),
         (["--jobs", "0"], "--jobs is 0"),
-        (["--write-docs", "--rows", "up_*"], "--write-docs"),
         (["--rows", "bench_*", "--set", "motor.speed=1"], "motor.speed"),
         (["--rows", "bench_*", "--json", "/no/such/folder/x.json"], "/no/such/folder/x.json"),
         (["--procedures", "delay_series", "--set", "alfa46.t12=0 ms"], "series '1' of delay_series sets it itself"),
@@ -156,7 +155,10 @@ def test_the_document_counts_holds_and_explains_misses():
     records = [hold(7, "hold"), hold(8, "no hold"), hold(9, "hold"), hold(10, "no hold"), hold(11, None)]
     rows = [evaluate(TARGETS[f"hold_zr_p1_{n:02d}"], records) for n in (7, 8, 9, 10, 11)]
     result = Result(rows, records, ("profile_series",), [])
-    text = document.document(result, {"hold_zr_p1_07": "The spool closes late."}, "hydmag")
+    why = {"hold_zr_p1_07": "The spool closes late."}
+    text = document.document(rows, summary(result), why, "hydmag")
+    stored = json.loads(json.dumps([row.as_dict() for row in rows]))
+    assert document.document(document.rows_of(stored), summary(result), why, "hydmag") == text
     # half of the series without a hold phase and a third of those with one, of which the undecided one is wrong
     assert "predicted inside 2 of 5 (1 not compared) (hold phase 2 of 5, balanced accuracy 0.42 where" in text
     assert "| hold phase | always hold | 2 of 5 | 3 of 5 | - | - |" in text

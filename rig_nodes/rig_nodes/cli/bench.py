@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 from ..base import ProgressLine
@@ -26,7 +25,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--repeats", type=int, default=5, metavar="N", help="the fastest of so many runs counts")
     add_json(parser, "write the numbers as JSON; - for stdout, without tables")
-    parser.add_argument("--write-docs", action="store_true", help="write docs/reference/performance.md of the checkout (all parts)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -36,9 +34,7 @@ def main(args: argparse.Namespace) -> int:
     parts = _chosen(args.parts)
     if args.repeats < 1:
         raise RigError(f"--repeats {args.repeats}: at least 1 is needed")
-    if args.write_docs and parts != list(PARTS):
-        raise RigError("--write-docs writes about all parts of one run; without naming parts")
-    from ..studies import TITLES, lines, machine, machine_line, write_document
+    from ..studies import TITLES, lines, machine, machine_line
     from .json_output import write_json
 
     line = ProgressLine()
@@ -59,8 +55,6 @@ def main(args: argparse.Namespace) -> int:
         line.leave()
     if args.json:
         write_json(args.json, results)
-    if args.write_docs:
-        print(f"{write_document(results)} is written", file=sys.stderr)
     return 0
 
 

@@ -3,7 +3,7 @@
 
 """``rig list WHAT``: installed items, topics, signals, parts; without WHAT, what it can list.
 
-``--markdown`` writes docs/reference/signals.md and docs/reference/parameters.md.
+docs/made_pages.py makes pages of the same rows.
 """
 
 from __future__ import annotations
@@ -58,26 +58,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="rig, its folder or .yaml file: only its sequences and procedures (default: "
         f"all); whose devices, settings, trips, faults, topics and signals (default: {DEFAULT_RIG})",
     )
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", nargs="?", const=STDOUT, choices=(STDOUT,), metavar=STDOUT, help="for programs, to stdout")
-    form.add_argument(
-        "--markdown",
-        action="store_true",
-        help="signals: docs/reference/signals.md, with the topics; parts: docs/reference/parameters.md",
-    )
+    parser.add_argument("--json", nargs="?", const=STDOUT, choices=(STDOUT,), metavar=STDOUT, help="for programs, to stdout")
 
 
 def main(args: argparse.Namespace) -> int:
-    """Print the list as a table, as JSON or as a page of the documentation."""
+    """Print the list as a table, as JSON ."""
     if args.rig is not None and args.what not in OF_A_RIG:
         raise RigError(f"--rig goes with {', '.join(OF_A_RIG)} only")
-    if args.markdown:
-        if args.what not in PAGES:
-            raise RigError(f"--markdown goes with {' and '.join(PAGES)} only")
-        print(PAGES[args.what](), end="")
-        return 0
     rows = (
-        (OF_A_RIG[args.what](args.rig) if args.what in OF_A_RIG else _ROWS[args.what]())
+        (OF_A_RIG[args.what](args.rig) if args.what in OF_A_RIG else ROWS[args.what]())
         if args.what
         else [{"list": f"./rig list {what}", "what": text, "goes into": use} for what, (text, use) in WHAT.items()]
     )
@@ -277,14 +266,7 @@ def _parts() -> list[dict[str, str]]:
     return rows_of_parts()
 
 
-def parameters() -> str:
-    """Return the content of docs/reference/parameters.md."""
-    from ..rig import page
-
-    return page()
-
-
-_ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates, "parts": _parts, "metrics": _metrics}
+ROWS = {"rigs": _rigs, "controllers": _controllers, "templates": _templates, "parts": _parts, "metrics": _metrics}
 OF_A_RIG = {
     "sequences": _of_rigs("sequences"),
     "procedures": _of_rigs("procedures"),
@@ -298,7 +280,7 @@ OF_A_RIG = {
 
 
 def markdown() -> str:
-    """Return the content of docs/reference/signals.md: every topic and every signal of the installed rigs."""
+    """Return the content of docs/made/signals.md: every topic and every signal of the installed rigs."""
     from ..base import COMMAND_TIMEOUT
 
     kept: dict[str, tuple] = {}  # rig -> its configuration and the other rigs with the same catalogue
@@ -314,9 +296,7 @@ def markdown() -> str:
         [
             "# Signals and topics",
             "",
-            "Made from the installed rigs' folders by `./rig list signals --markdown`; a test keeps it in step. Topics "
-            "and signals of "
-            "another rig, also of one in a folder of yours: `./rig list signals --rig FOLDER`.",
+            "Of the installed rigs; those of a folder of yours: `./rig list signals --rig FOLDER`.",
             "",
             'Units travel in SI, temperatures in degC; "shown" is what plots and reports use, and the range is given '
             "in it. Pressures are "
@@ -338,9 +318,6 @@ def markdown() -> str:
             *parts,
         ]
     )
-
-
-PAGES = {"signals": markdown, "parts": parameters}
 
 
 def _page_of(config: RigConfig, others: list[str]) -> list[str]:

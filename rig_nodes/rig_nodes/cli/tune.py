@@ -97,7 +97,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", help="folder (default: runs/tune-<n>); one that holds the same tuning is gone on with"
     )
-    parser.add_argument("--write-docs", action="store_true", help="write the tables of docs/how_to/tune.md of the checkout")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -105,26 +104,13 @@ def main(args: argparse.Namespace) -> int:
     """Search, judge, write the controllers and print the front; RigError when tuning is not possible."""
     from ..base import RigError, ended_by, quoted
     from ..runs import Workers, free_folder
-    from ..studies import (
-        TUNING,
-        TUNING_JOURNAL,
-        begun,
-        load_optuna,
-        open_journal,
-        parquet,
-        run_tuning,
-        spreads_of,
-        tuning_page,
-        tuning_text,
-        write_tuning,
-    )
+    from ..studies import TUNING, TUNING_JOURNAL, begun, load_optuna, open_journal, parquet, run_tuning, spreads_of, tuning_text
 
     for name, least in (("jobs", 1), ("rigs", 0), ("judge_rigs", 0), ("points", 1), ("fresh", 1), ("seed", 0)):
         if getattr(args, name) < least:
             raise RigError(f"--{name.replace('_', '-')} is {getattr(args, name)}, expected at least {least}")
     if args.shifts < 1 or (args.generations is not None and args.generations < 1):
         raise RigError("--shifts and --generations must be above 0")
-    page = tuning_page() if args.write_docs else None
     parquet()
     load_optuna()
     folder = free_folder("tune") if args.out is None else Path(args.out)
@@ -145,8 +131,6 @@ def main(args: argparse.Namespace) -> int:
             return code
         finally:
             journal.close()
-    if page is not None:
-        write_tuning(page, summary, args.seed)
     if args.json:
         from ..analysis import plain
 

@@ -35,7 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_json(parser, "write rows, summary and versions as JSON; - for stdout")
     parser.add_argument("--pictures", type=OutputFolder(), metavar="FOLDER", help="write the figures of chapters 7 to 9 as SVG")
-    parser.add_argument("--write-docs", action="store_true", help="write docs/reference/validation.md of the checkout")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="processes that run series (default: 2)")
     add_rig(parser, "rig, its folder or .yaml file: whose validation.yaml")
     add_set(parser, "change one value of the rig")
@@ -62,8 +61,6 @@ def main(args: argparse.Namespace) -> int:
     began = time.monotonic()
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
-    if args.write_docs and (args.rows or args.procedures or args.settings):
-        raise RigError("--write-docs writes about all rows of a rig as it is; without --rows, --procedures and --set")
     from ..studies import programme_of, rows_file
 
     path = rows_file(args.rig)
@@ -82,8 +79,6 @@ def main(args: argparse.Namespace) -> int:
     document, pictures, programme, time_courses = (
         import_module(f"{package}.{name}") for name in ("document", "pictures", "programme", "time_courses")
     )
-    page = _page() if args.write_docs else None
-    explanations = document.load_explanations()
     targets = programme.choose(args.rows, args.procedures)
     settings = parse_settings(args.settings)
     load_gearbox_rig(args.rig, settings, "validate --rig")  # errors in the rig are reported before anything runs
@@ -124,12 +119,8 @@ def main(args: argparse.Namespace) -> int:
         count = len(write_charts([*pictures.figures(result.records), *drawn], args.pictures))
         print(f"{count} figures written to {args.pictures}", file=sys.stderr)
     if result.trips:
-        kept = f", and {page} is as it was" if page else ""
-        print(f"rig: {len(result.trips)} of the runs tripped, the first one {result.trips[0]}{kept}", file=sys.stderr)
+        print(f"rig: {len(result.trips)} of the runs tripped, the first one {result.trips[0]}", file=sys.stderr)
         return 1
-    if page:
-        page.write_text(document.document(result, explanations, args.rig), encoding="utf-8")
-        print(f"written to {page}", file=sys.stderr)
     return 0
 
 
@@ -138,14 +129,7 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
     from ..base import RigError
     from ..runs import Workers, start_server
 
-    if given := next(
-        (
-            flag
-            for flag, value in (("--write-docs", args.write_docs), ("--pictures", args.pictures), ("--procedures", args.procedures))
-            if value
-        ),
-        None,
-    ):
+    if given := next((flag for flag, value in (("--pictures", args.pictures), ("--procedures", args.procedures)) if value), None):
         raise RigError(f"{given} belongs to the laboratory's programme; the rows of {path} have none")
     if args.jobs > 1:
         start_server("rig_nodes.studies.validation.own_rows", rigs=[args.rig])
@@ -178,18 +162,6 @@ def _own_rows(args: argparse.Namespace, path: Path) -> int:
             },
         )
     return 0
-
-
-def _page() -> Path:
-    """Return the path of docs/reference/validation.md in the checkout."""
-    import rig_nodes
-
-    from ..base import RigError
-
-    docs = Path(rig_nodes.__file__).resolve().parents[2] / "docs"
-    if not docs.is_dir():
-        raise RigError(f"there is no folder {docs}; --write-docs works in a checkout only")
-    return docs / "reference" / "validation.md"
 
 
 def _make_folder(folder: Path) -> None:

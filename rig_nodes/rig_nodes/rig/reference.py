@@ -3,7 +3,8 @@
 
 """The reference page of parameters: each value of each part and section with its unit, range and meaning.
 
-`rig list` uses it. It is made from the fields themselves, so nothing is typed twice; it has no values of a particular rig.
+`rig list` and docs/made_pages.py use it. It is made from the fields themselves, so nothing is typed twice; it has no values of a
+particular rig.
 """
 
 from __future__ import annotations
@@ -64,13 +65,12 @@ def rows_of_parts() -> list[dict[str, str]]:
 
 
 def page() -> str:
-    """Return the text of docs/reference/parameters.md."""
+    """Return the text of docs/made/parameters.md."""
     out = [
         "# Parameters of parts and sections",
         "",
-        "Made from the parts by `./rig list parts --markdown`; a test keeps it in step. [rigs.md](../how_to/rigs.md) "
-        "describes their place in a "
-        "rig's folder; the values of one rig are printed by `./rig list settings --rig NAME`.",
+        "[Rigs](../how_to/rigs.md) describes their place in a rig's folder; the values of one rig are printed by "
+        "`./rig list settings --rig NAME`.",
         "",
         'Each value is `[value with unit, "its source"]`. The range is inclusive and given in the unit shown; the '
         "units at the end may "

@@ -76,7 +76,7 @@ class PlantStates:
         if unknown:
             raise RigError(
                 f"{', '.join(unknown)}: only signals of state topics and of {CONTROLLER_COMMAND} are known without a "
-                "transducer; docs/reference/signals.md lists them"
+                "transducer; ./rig list signals lists them"
             )
         self._values: list[list[float]] = []
 

@@ -448,7 +448,7 @@ def _condition(node: Any, path: str | Path, where: str, config: RigConfig) -> tu
     signals = config.catalogue.signals
     signal = signals.get(str(node["signal"]))
     if signal is None:
-        raise RigError(f"{where}: {unknown('signal', node['signal'], signals)}; docs/reference/signals.md has them all")
+        raise RigError(f"{where}: {unknown('signal', node['signal'], signals)}; ./rig list signals has them all")
     dimension = DIMENSIONS.get(signal.quantity, signal.quantity)
     low, high, text = float("-inf"), float("inf"), signal.name
     if "above" in node:

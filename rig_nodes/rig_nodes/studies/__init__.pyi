@@ -3,7 +3,7 @@
 
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
-from .benchmark.document import TITLES as TITLES, lines as lines, machine_line as machine_line, write_document as write_document
+from .benchmark.document import TITLES as TITLES, lines as lines, machine_line as machine_line
 from .benchmark.growth import bench_scaling as bench_scaling
 from .benchmark.kernel import bench_kernel as bench_kernel
 from .benchmark.machine import machine as machine
@@ -17,7 +17,6 @@ from .sweep.plan import Plan as Plan, Varied as Varied, make_plan as make_plan, 
 from .sweep.run import forget_unfinished as forget_unfinished, manifest_of as manifest_of, run_sweep as run_sweep
 from .sweep.store import RESULTS as RESULTS, SWEEP as SWEEP, SWEEP_JOURNAL as SWEEP_JOURNAL, Store as Store, begun as begun, decode as decode, open_journal as open_journal, parquet as parquet, read_manifest as read_manifest, rows_of as rows_of
 from .tune.beginning import read_beginnings as read_beginnings
-from .tune.document import tuning_page as tuning_page, write_tuning as write_tuning
 from .tune.folder import TUNING as TUNING, TUNING_JOURNAL as TUNING_JOURNAL
 from .tune.problem import OBJECTIVES as OBJECTIVES, Range as Range
 from .tune.run import Problem as Problem, run_tuning as run_tuning, tuning_text as tuning_text

@@ -126,7 +126,7 @@ def csv_text(record: ControllerRecord) -> str:
 
 
 def markdown_text(record: ControllerRecord) -> str:
-    """Return the map as a table for docs/how_to/modbus.md."""
+    """Return the map as a table in markdown, as ``rig export registers -o FILE.md`` writes it."""
     rows = list(csv.reader(io.StringIO(csv_text(record))))
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]]) + "\n"

@@ -1,16 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The numbers of ``rig bench`` as tables, on the terminal and in docs/reference/performance.md.
-
-The text of docs/reference/performance.md is in this module; its numbers come from one run of ``rig bench --write-docs``.
-"""
+"""The numbers of ``rig bench`` as tables on the terminal; the verb ``bench`` prints them."""
 
 from __future__ import annotations
-
-from pathlib import Path
-
-from ...base import RigError
 
 TITLES = {
     "kernel": "The kernel, one core",
@@ -20,64 +13,6 @@ TITLES = {
     "controllers": "A step of a controller",
     "scaling": "How the cost grows",
     "peers": "The bare problem, against other tools",
-}
-
-_INTRO = """# Performance
-
-Made by `./rig bench --write-docs`, which overwrites changes by hand. All numbers are from one run on one machine, so that
-they can be compared with each other:
-
-{machine}
-
-Times are processor times, the shortest of several, unless "wall" is stated. `./rig bench PART` measures one part;
-`--json` prints the results for programs. Aims: the kernel with 10 kHz logging runs at least 400 times as fast as real
-time; `simulate demo` takes under 1.5 s with everything compiled and under 20 s in its first run; the bare problem is
-solved at least 5000 times as fast as real time, with an error of at most 1e-3 of the lock-up time.
-"""
-
-_PROSE = {
-    "kernel": """\
-A run of 12 s with an upshift and a downshift at 1500 rpm under load. "Standing": motor off; "running": in gear;
-"shifting": the 600 ms after an order. A row of the logger is computed in every step in all variants, because the
-transducers' low passes and counters depend on the step before; "logging" keeps all rows in memory, as `procedure`,
-`sweep` and `validate` do.""",
-    "rigs": """\
-Each installed rig runs its demo, or else the first sequence of its folder. The run is recorded in memory with the rows of
-the 10 kHz logger, and its time includes the sequencer.""",
-    "demo": """\
-Each program is timed from the call in the shell to its end, with bag and report written: 13.3 s of simulated time,
-72,000 messages. In the first run everything is compiled, by two processes.""",
-    "graph": """\
-`./rig run demo --speed max`: all nodes, every topic published on DDS and recorded; `speed_factor` of its report.""",
-    "controllers": """\
-Wall time of one step of the reference controller through each plug ([controllers.md](../how_to/controllers.md)).""",
-    "scaling": """\
-The first table has one run in gear in parts of equal length: neither the cost nor the memory may grow with the length of a
-run. A value that decays exponentially (a coil's current, a line's pressure) is set to zero below 1e-200, because denormal
-numbers slowed a run down by a fifth after ten seconds. With a bag, the index of the chunks stays in memory until the file
-is closed, 4 KB per simulated second. Clutches: a row of bodies with a clutch between each two neighbours, which all close
-at the same time, at a step of 100 us. The members of the sweep are whole runs of `demo` with metrics, on processes in
-which everything is compiled; the time includes the table and is the best of three sweeps for each number of processes.""",
-    "peers": """\
-Two inertias (0.7 kg m2 at 1500 rpm, 0.127 kg m2 at rest) and a clutch whose capacity rises to 264 Nm in 45 ms run for
-2 s; 60 Nm drive the first, 40 Nm brake the second. Exact lock-up: {lock:.9f} s. Every tool is measured with many settings;
-the tables show the cheapest setting whose error of the lock-up time is at most that in the head of the column, so that
-each tool is shown at its best. Time to build models, diagrams and compiled code is not counted; time to reset the state
-is. "Free": the run is one call; "stopped": it is 2000 calls of 1 ms, as a controller needs it. Every tool is given that
-the rise ends at 45 ms and that the capacity is constant after it.
-
-- This project: the general driveline finds the lock-up as a root inside the step, and takes the capacity in each step as
-  the straight line through its values at two Gauss points. After the rise the result is exact for any step, so that
-  "free" takes the remaining time in one step; "stopped" cannot.
-- scipy: `solve_ivp` (RK23, RK45, DOP853, LSODA) with a terminal event, and the older `ode` (dopri5, dop853), whose
-  loop is compiled, with a check after every step; `ode` is by far the faster. The slipping and the locked clutch are
-  separate systems.
-- pathsim: one ODE block with a zero-crossing event, adaptive methods of three orders and RK4 with fixed steps.
-- MuJoCo: dry friction of a fixed tendon over two hinges, as stiff as the solver allows; Euler, implicitfast and RK4;
-  `rollout` (steps in C), with a longer step, as soon as the capacity is constant. The capacity of a step is its mean
-  over the step.
-- Drake: a system written in Python with a witness function; and built-in systems in C++ for rise, slip and lock, which
-  a monitor of the steps stops. The second is by far the faster.""",
 }
 
 
@@ -229,24 +164,3 @@ _FORMATS = {
 def lines(part: str, result: dict | list[dict] | str) -> list[str]:
     """Return the lines of one part as Markdown, which is readable as plain text too."""
     return _FORMATS[part](result)
-
-
-def document(results: dict) -> str:
-    """Return docs/reference/performance.md for the results of one run of all parts."""
-    parts = [_INTRO.format(machine=machine_line(results["machine"]))]
-    for part, title in TITLES.items():
-        prose = _PROSE[part]
-        if part == "peers":
-            prose = prose.format(lock=results[part]["exact_lock_s"])
-        parts.append("\n".join([f"## {title}", "", prose, "", *lines(part, results[part])]).rstrip() + "\n")
-    return "\n".join(parts)
-
-
-def write_document(results: dict) -> Path:
-    """Write docs/reference/performance.md of the checkout and return its path; RigError when there is no checkout."""
-    docs = Path(__file__).resolve().parents[4] / "docs"
-    if not (docs / "background" / "physics.md").is_file():
-        raise RigError(f"there is no docs/ of a checkout at {docs}; --json writes the numbers from anywhere")
-    path = docs / "reference" / "performance.md"
-    path.write_text(document(results), encoding="utf-8")
-    return path

@@ -233,6 +233,7 @@ class Row:
             "count": self.count,
             "inside": self.inside,
             "place": {k: list(v) if isinstance(v, tuple) else v for k, v in self.place.items()},
+            "at": self.at,
             "reason": self.reason,
             "conflicts": sorted(t.conflicts),
             "implied_by": dict(t.implied_by),

@@ -1,9 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The result of a validation for people: the terminal's summary, and docs/reference/validation.md.
+"""The result of a validation for people: the terminal's summary, and the page of the site with its table of rows.
 
-Used by the verb ``validate``. Explanations of misses are written by hand in explanations.yaml (id -> text).
+Used by the verb ``validate`` and by docs/made_pages.py. Explanations of misses are written by hand in
+explanations.yaml (id -> text).
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from typing import TYPE_CHECKING
 from rig_nodes.base import RigError, brief, load_yaml, where_of
 from rig_nodes.studies import INSIDE, NOT_COMPARED, OUTSIDE, Row, Target, accepted, counts, laboratory, listed, of_rig, verdict_line
 
-from .programme import Result, summary
 from .score import HOLD, balanced_accuracy
 from .targets import load_targets
 
@@ -39,8 +39,7 @@ SECTIONS = {
 }
 HEAD = """# Validation
 
-Made by `./rig validate --write-docs`; a change by hand is lost. Explanations of misses are written in
-`rig_nodes/rig_nodes/rigs/hydmag/explanations.yaml`.
+The numbers are those of one `./rig validate --json docs/reference/validation.json`; {download}`all rows as CSV <validation.csv>`.
 
 ## How
 
@@ -127,6 +126,35 @@ def of_holds(rows: list[Row]) -> str:
     )
 
 
+def rows_of(stored: list[dict]) -> list[Row]:
+    """Return the rows that ``rig validate --json`` has written.
+
+    Parameters
+    ----------
+    stored : list of dict
+        Its ``rows``.
+
+    Returns
+    -------
+    list of Row
+        The same rows, without their single values.
+
+    Raises
+    ------
+    RigError
+        When one of them is no row of targets.yaml any more.
+    """
+    targets = {target.id: target for target in load_targets()}
+    if lost := [row["id"] for row in stored if row["id"] not in targets]:
+        raise RigError(f"the stored validation has rows that targets.yaml does not have: {', '.join(lost)}; run it again")
+    keys = ("verdict", "value", "low", "high", "judged_by", "reason", "count", "inside", "at")
+    return [Row(targets[row["id"]], **{key: row[key] for key in keys}, place=_place(row["place"])) for row in stored]
+
+
+def _place(stored: dict) -> dict:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in stored.items()}
+
+
 def section(target: Target) -> str:
     """Return the key of SECTIONS for a row, from the first place in the thesis that the row names."""
     chapter = re.search(r"chapter (\d+)|Annex (D)", target.where)
@@ -139,13 +167,15 @@ def section(target: Target) -> str:
     return next(key for key in (found[1][:5], found[1][:3]) if key in SECTIONS)
 
 
-def document(result: Result, explanations: dict[str, str], rig: str) -> str:
-    """Return docs/reference/validation.md as text.
+def document(rows: list[Row], found: dict, explanations: dict[str, str], rig: str) -> str:
+    """Return the page on the validation as text.
 
     Parameters
     ----------
-    result : Result
-        The judged rows, and the records by which they were judged.
+    rows : list of Row
+        The judged rows.
+    found : dict
+        Their summary, from :func:`.programme.summary`.
     explanations : dict of str to str
         Explanations of misses, from :func:`load_explanations`.
     rig : str
@@ -156,7 +186,6 @@ def document(result: Result, explanations: dict[str, str], rig: str) -> str:
     str
         The page in markdown.
     """
-    rows, found = result.rows, summary(result)
     parts = [
         HEAD,
         _summary(rows, found, rig),
@@ -166,8 +195,8 @@ def document(result: Result, explanations: dict[str, str], rig: str) -> str:
         _apart(rows),
     ]
     for key, title in SECTIONS.items():
-        found = [row for row in rows if section(row.target) == key]
-        if found:
+        of_section = [row for row in rows if section(row.target) == key]
+        if of_section:
             parts.append(
                 f"## {title}\n\n"
                 + _table(
@@ -180,7 +209,7 @@ def document(result: Result, explanations: dict[str, str], rig: str) -> str:
                             of_rig(row),
                             _verdict(row),
                         )
-                        for row in found
+                        for row in of_section
                     ],
                 )
             )

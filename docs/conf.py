@@ -1,0 +1,28 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Settings of the site that ``./rig docs`` builds with Sphinx from the pages beside this file."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+project = "Virtual powertrain test rig"
+extensions = ["myst_parser", "sphinx_copybutton", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "made_pages"]
+root_doc = "index"
+exclude_patterns = ["_build", "pictures", "examples", "notebooks"]
+html_theme = "furo"
+html_title = project
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
+html_js_files = ["sort_tables.js"]
+html_copy_source = False
+
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 4  # headings are link targets by the same names as on GitHub
+copybutton_prompt_text = "$ "
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+autodoc_typehints = "none"  # the docstrings give types with shapes and units
+autodoc_member_order = "bysource"

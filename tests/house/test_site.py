@@ -1,0 +1,93 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The site: it builds without a warning, and its search answers a user's questions."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+from rig_nodes.base.optional import Lacking
+from rig_nodes.cli import docs
+from rig_nodes.cli.main import main
+
+# what users ask, and the page that answers it
+QUESTIONS = {
+    "how do I connect a Simulink model": "how_to/controllers.md",
+    "own controller in C": "how_to/controllers.md",
+    "ROS 2 node as controller": "how_to/ros_controller.md",
+    "FMU in another tool": "how_to/fmu.md",
+    "J1939 PGN": "how_to/can.md",
+    "dbc file": "how_to/can.md",
+    "PLC Modbus register": "how_to/modbus.md",
+    "dual clutch": "how_to/rigs.md",
+    "reverse gear": "how_to/rigs.md",
+    "natural frequency": "how_to/modes.md",
+    "Excel": "how_to/import_export.md",
+    "thousands separator": "how_to/import_export.md",
+    "times over midnight": "how_to/import_export.md",
+    "put a measured CSV over a simulated shift": "how_to/import_export.md",
+    "why does the torque peak": "learn/powershift.md",
+    "torque phase inertia phase": "learn/powershift.md",
+    "cold oil": "learn/lessons.md",
+    "what is k": "reference/glossary.md",
+    "kiss point": "reference/glossary.md",
+    "tie-up": "reference/glossary.md",
+    "largest error": "reference/glossary.md",
+    "exit code 3": "reference/exit_codes.md",
+    "how fast is it": "reference/performance.md",
+    "friction model of plates": "background/friction_models.md",
+    "change the oil temperature while it runs": "how_to/settings.md",
+    "emergency stop": "how_to/settings.md",
+    "steps of a sequence": "how_to/procedures.md",
+    "sweep over load": "how_to/sweep.md",
+    "picture of a shift": "how_to/report.md",
+    "replay a bag": "how_to/replay.md",
+    "damaged bag recover": "how_to/bags.md",
+    "which shifts are valid": "how_to/report.md",
+}
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_the_page_that_answers_a_question_is_among_the_first_three_hits(question):
+    pages = [hit.page for hit in docs.search(question.split()) if not hit.page.startswith("made/")]
+    assert QUESTIONS[question] in pages[:3]
+
+
+def test_hits_are_printed_with_page_line_and_heading(capsys):
+    assert main(["docs", "kiss", "point"]) == 0
+    places = re.findall(r"^docs/(\S+\.md):(\d+)  (.+)$", capsys.readouterr().out, re.M)
+    assert 3 <= len(places) <= 10
+    for page, line, _ in places:
+        text = (docs.DOCS / page).read_text(encoding="utf-8").splitlines()[int(line) - 1].lower()
+        assert "kiss" in text or "point" in text
+    assert main(["docs", "xyzzy"]) == 1
+    assert capsys.readouterr().out == "no page has 'xyzzy'\n"
+
+
+def test_what_is_missing_is_one_sentence(monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(sys.modules, "myst_parser", None)
+    with pytest.raises(Lacking, match=r"the Python package myst_parser .*pip install 'rig_nodes\[docs\]'"):
+        docs.build()
+    monkeypatch.setattr(docs, "DOCS", tmp_path)
+    assert main(["docs"]) == 2
+    assert "the pages are part of a checkout, not of an installed package" in capsys.readouterr().err
+
+
+def test_it_builds_without_a_warning():
+    for package in ("sphinx", "myst_parser", "sphinx_copybutton", "furo"):
+        pytest.importorskip(package)
+    built = subprocess.run([sys.executable, "-m", "rig_nodes", "docs"], capture_output=True, text=True, check=False)
+    assert (built.returncode, built.stderr) == (0, "")
+    html = docs.DOCS / "_build" / "html"
+    assert built.stdout == f"the site is {html / 'index.html'}\n"
+    assert "rig simulate" in (html / "made" / "command_line.html").read_text(encoding="utf-8")
+    assert (html / "searchindex.js").stat().st_size > 100_000
+    fetched = [
+        address
+        for page in html.rglob("*.html")
+        for address in re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="(https?://[^"]+)"', page.read_text(encoding="utf-8"))
+    ]
+    assert fetched == []  # it is read without a network
