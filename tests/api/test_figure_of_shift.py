@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.transforms import Bbox
 
 import rig_nodes
-from rig_nodes.analysis import bounds_of, quality_of, read_report, shown_transmission
+from rig_nodes.analysis import asked_of_input, bounds_of, moments_of, phases_of, quality_of, read_report, shown_transmission
 from rig_nodes.cli.main import main
 from rig_nodes.view import Pages, figure_of_shift
 
@@ -67,6 +67,56 @@ def test_marked_extremes_and_phases_are_those_of_the_report(runs, case):
     assert found["inertia phase"] == pytest.approx((start, 1e3 * row["t_c_s"]), abs=1.0)
     assert found["settling"] == pytest.approx((1e3 * row["t_c_s"], 1e3 * (row["t_c_s"] + row["t_o_s"])), abs=1.0)
     assert ("interrupted" in found) == (row["interrupted_s"] > 0.0)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_drawn_phases_and_lines_are_those_of_the_report(runs, case):
+    run = runs(case)
+    row = run.report["shifts"][0]
+    phases = [(1e3 * (one.start - row["t_order_s"]), 1e3 * (one.end - row["t_order_s"])) for one in phases_of(row)]
+    settled = 1e3 * row["t_c_s"], 1e3 * (row["t_c_s"] + row["t_o_s"])
+    marks = [1e3 * (t - row["t_order_s"]) for t in moments_of(row).values()] + [settled[1]]
+    for figure in (run.plot(shift=1), run.plot(shift=1, dark=True)):
+        for axes in figure.axes:
+            spans = [
+                (box.x0, box.x1) for patch in axes.patches for box in [patch.get_extents().transformed(axes.transData.inverted())]
+            ]
+            assert np.allclose(spans, [*phases, settled], atol=1.0)
+            upright = [line.get_xdata()[0] for line in axes.lines if line.get_transform() == axes.get_xaxis_transform()]
+            limit = bounds_of(row, shown_transmission(run.report))["t_c_s"][1]
+            assert np.allclose(upright, [*marks, 1e3 * limit], atol=1.0)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_highest_torque_is_what_load_inertia_tie_up_and_losses_make(runs, case):
+    run = runs(case)
+    box = shown_transmission(run.report)
+    for number, row in enumerate(run.report["shifts"], 1):
+        if (parts := row["peak"]) is None:
+            continue
+        total = sum(value for key, value in parts.items() if key != "error_nm")
+        assert abs(row["input_torque_high_nm"] - total) == pytest.approx(parts["error_nm"], abs=1e-9)
+        share = 0.15 if case == "three gears" else 0.04  # the wheels inside are not counted, of which a planetary set has more
+        assert parts["error_nm"] < share * row["input_torque_high_nm"]
+        assert parts["load_nm"] <= asked_of_input(row, box) * (1.0 + 1e-9) and parts["losses_nm"] > 0.0
+        assert run.shifts[number - 1]["peak.tie_up_nm"] == parts["tie_up_nm"] and run.shifts.units["peak.tie_up_nm"] == "Nm"
+        assert f"inertia {parts['inertia_nm']:.0f}" in described(run, number).sentence or abs(parts["inertia_nm"]) < 0.5
+    assert any(row["peak"] for row in run.report["shifts"])
+
+
+def test_a_tie_up_is_a_part_of_the_highest_torque(runs):
+    parts = {case: runs(case).report["shifts"][0]["peak"]["tie_up_nm"] for case in ("tie-up", "good", "hole", "interrupted")}
+    assert list(parts.values()) == sorted(parts.values(), reverse=True) and parts["tie-up"] > 3.0 * parts["interrupted"] > 0.0
+
+
+def test_drawing_a_shift_is_quick(runs):
+    run = runs("good")
+    code = (
+        "import sys, time, rig_nodes; run = rig_nodes.open(sys.argv[1]); run.report, run.signals['M_wej']; t = time.process_time();"
+        "run.plot(shift=1)._repr_png_(); print(time.process_time() - t)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, run.folder], capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 2.0 * 1.2, "s of processor time, twice what it takes on a machine that does nothing else"
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -157,7 +157,9 @@ class _Drawing:
     # ---- words
 
     def _wrapped(self, text: str, size: float) -> list[str]:
-        return textwrap.wrap(text, int((self.width - self.left - self.right) / (LETTER * size)), break_long_words=False)
+        return textwrap.wrap(
+            text, int((self.width - self.left - self.right) / (LETTER * size)), break_long_words=False, break_on_hyphens=False
+        )
 
     def text(self, x: float, y: float, text: str, size: float = 9, colour: str = INK, **how: object) -> Text:
         """Write a text whose baseline begins at a pixel of the figure."""

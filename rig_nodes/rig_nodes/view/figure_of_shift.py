@@ -310,9 +310,7 @@ class _Shift:
     def latest(self) -> list[Moment]:
         """Return the time until which lock-up is good."""
         _, last = bounds_of(self.row, self.box).get("t_c_s", (None, None))
-        return (
-            [Moment(1e3 * last, "", f"limit of t_c {1e3 * last:.0f} ms", True)] if last is not None and times_of(self.row) else []
-        )
+        return [Moment(1e3 * last, "", f"t_c ≤ {1e3 * last:.0f} ms", True)] if last is not None and times_of(self.row) else []
 
     def numbers(self) -> list[Number]:
         bounds, place = bounds_of(self.row, self.box), shift_name(self.number, self.row, self.box)

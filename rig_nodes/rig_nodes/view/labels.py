@@ -37,9 +37,11 @@ class Labels:
         middle = np.interp(columns, x, y)
         low, high = np.minimum(middle, np.roll(middle, 1)), np.maximum(middle, np.roll(middle, 1))
         low[0] = high[0] = middle[0]
-        for column in np.flatnonzero(edges[1:] > edges[:-1]):
-            part = y[edges[column] : edges[column + 1]]
-            low[column], high[column] = min(low[column], part.min()), max(high[column], part.max())
+        filled = np.flatnonzero(edges[1:] > edges[:-1])
+        if len(filled):
+            heads = edges[filled]
+            low[filled] = np.minimum(low[filled], np.minimum.reduceat(y[: edges[-1]], heads))
+            high[filled] = np.maximum(high[filled], np.maximum.reduceat(y[: edges[-1]], heads))
         rows = np.arange(self.height)[:, None]
         self._soft |= (rows >= low - 1.5) & (rows <= high + 1.5) & (columns >= x[0]) & (columns <= x[-1])
         inside = np.flatnonzero((x >= 0) & (x < self.width))
