@@ -217,7 +217,7 @@ class _Drawing:
             first, last = (left + (min(max(t, column.first), column.last) - column.first) * scale for t in (one.start, one.end))
             self._phase(one, first, last, under, high)
         room = -1e9
-        for one in (one for one in self.of.moments if one.sign):
+        for one in sorted((one for one in self.of.moments if one.sign), key=lambda one: one.t):
             x = left + (one.t - column.first) * scale
             if column.first <= one.t <= column.last and x - room >= NEXT:
                 y = bottom - (STRIP if parts else 0) - 5

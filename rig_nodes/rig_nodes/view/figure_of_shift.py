@@ -489,7 +489,7 @@ class _Shift:
                     curves.append(Curve(shafts[0].signal, text, text, colour, DOTTED, shafts[0].t, shafts[0].y / box.ratios[gear]))
         lowest, least = row.get("output_speed_low_rpm"), row.get("output_speed_min_rpm")
         if lowest is not None and shafts[1] is not None:
-            kept = "" if row["k"] is None else f"k = {row['k']:.3f}"
+            kept = "" if row["k"] is None else f"k = {row['k']:z.3f}"
             both = kept and least is not None and abs(least - lowest) < 0.5
             rings.append(self.ring(shafts[1], None, lowest, f"lowest {lowest:z.0f} rpm{f', {kept}' if both else ''}"))
             if kept and least is not None and not both:  # that of k is the one before lock-up
