@@ -31,6 +31,7 @@ FAST, OFTEN = (
 )  # a signal that swings by such a share of its range within 1 % of the run, for such a share of it, is a band
 APART = 25.0  # ratio of two signals' sizes from which they have plots of their own
 FLAT = 0.01  # of a signal's measuring range, below which it counts as constant
+WITHIN = 0.25  # share of a swing that must lie within a stretch of a pixel; 1/9 of a ramp does
 CLOSE, TURNS = 2.0, 3  # s that are searched for periods, and periods or turns that are shown
 PERIODIC = 0.5  # autocorrelation from which a signal has a period
 SMOOTH = 9  # stretches over which a time derivative is taken
@@ -109,10 +110,11 @@ class _Page:
     # ---- which plots
 
     def _flat(self, name: str) -> bool:
-        """Return True for a signal that moves by no more than a share of its measuring range, or of itself."""
-        signal, (low, high) = self.pages.signal(name), self.found[name].span
-        whole = abs(float(signal.shown(signal.high)) - float(signal.shown(signal.low)))
-        return high - low <= FLAT * min(whole, 50.0 * max(abs(low), abs(high)))
+        """Return True for a signal that only trembles, within a share of its measuring range."""
+        signal, found = self.pages.signal(name), self.found[name]
+        (low, high), whole = found.span, abs(float(signal.shown(signal.high)) - float(signal.shown(signal.low)))
+        low_of_band, high_of_band = (one[found.filled] for one in found.band)
+        return high - low <= FLAT * whole and np.ptp(low_of_band + high_of_band) <= high - low
 
     def _parts(self, plot: OwnPlot) -> list[OwnPlot]:
         """Return a plot, or several where the sizes of its signals differ so much that a small one would be a line on zero."""
@@ -190,8 +192,12 @@ _NONE = np.empty(0), np.empty(0)
 
 
 def _is_fast(envelope: Envelope) -> bool:
+    """Return True for a signal that swings often, and not only because it goes from one level to another."""
     low, high = envelope.span
-    return bool(np.mean(envelope.swing[envelope.filled] > FAST * (high - low)) > OFTEN and high > low)
+    swings = envelope.filled & (envelope.swing > FAST * (high - low))
+    if high <= low or swings.sum() <= OFTEN * envelope.filled.sum():
+        return False
+    return bool(np.median((envelope.high[swings] - envelope.low[swings]) / envelope.swing[swings]) > WITHIN)
 
 
 def _middle_of_longest(swings: np.ndarray) -> int:
