@@ -9,6 +9,7 @@ The headless run and the recorder use it. The same calls give the same bytes.
 from __future__ import annotations
 
 import itertools
+import os
 import struct
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +21,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from .. import __version__
-from ..base import RigError, atomic_write, not_written
+from ..base import DiskFull, RigError, atomic_write, not_written
 from ..rig import Topic, installed_topics
 from . import limits, metadata
 from .cdr import exact
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
 BUFFER = 1024 * 1024  # bytes that are handed to the operating system at once, when it is time
+# bytes that the disk must have left for the end of a bag, and share of the bag that its index takes at most
+RESERVE, RESERVE_SHARE = 128 * 1024, 16
 LIBRARY = f"rig_nodes {__version__}"
 LIBRARY_OF_RUN = LIBRARY + OF_RUN  # for a bag that ends with BagWriter.end
 LARGEST = limits.CHUNK - limits.RECORD * 2 - 64  # bytes of a message whose chunk, with its topic's description, can be read
@@ -272,13 +275,14 @@ class BagWriter:
         starts = np.append(0, ends)[begins]
         at = starts[:-1].tolist()
         each = indexed(of, times, np.append(0, ends[:-1]) - np.repeat(starts[:-1], np.diff(begins)), np.diff(begins).tolist())
+        tight = self._look_after() < len(content)  # then the disk is looked at before each chunk
         for k, (begin, end) in enumerate(itertools.pairwise(begins)):
-            self._begin_chunk(int(times[begin]), False)
+            self._begin_chunk(int(times[begin]), tight)
             records = content[at[k] : int(starts[k + 1])]
             self._guard(self._writer.add_records, records, of[begin:end], times[begin:end], ends[begin:end] - at[k], each[k])
+            self._first, self._last = min(self._first, int(times[begin:end].min())), max(self._last, int(times[begin:end].max()))
         self._guard(self._writer.hand_over)
-        self._kept = self._writer.last
-        self._first, self._last = min(self._first, int(times.min())), max(self._last, int(times.max()))
+        self._kept, self._handed = self._writer.last, self._file.tell()
 
     def _store_each(self, columns: Sequence[Column], order: Sequence[int], times: Sequence[int]) -> None:
         """Store messages one by one, as before each the next file may begin."""
@@ -379,8 +383,67 @@ class BagWriter:
         self._hand_over()
 
     def _hand_over(self) -> None:
+        self._look_after()
         self._guard(self._writer.flush)
-        self._kept = self._writer.last
+        self._kept, self._handed = self._writer.last, self._file.tell()
+
+    def _look_after(self) -> int:
+        """End the bag in order when the disk is nearly full, or when others have removed, moved or cut its file.
+
+        Returns
+        -------
+        int
+            Bytes that can still be written.
+
+        Raises
+        ------
+        RigError
+            When the recording cannot go on; DiskFull where the disk is why.
+        """
+        try:
+            own, disk = os.fstat(self._file.fileno()), os.fstatvfs(self._file.fileno())
+        except OSError as error:
+            raise self._fail(error) from None
+        there = None
+        with suppress(OSError):
+            there = os.stat(self.path)
+        kept = f"{self._last / 1e9:.3f} s"
+        free, needed = disk.f_bavail * disk.f_frsize, RESERVE + self._handed // RESERVE_SHARE
+        if own.st_size < self._handed:
+            raise self._stop(
+                RigError(
+                    f"{self.path} was cut from outside to {own.st_size} bytes at {kept}; what is left of it can "
+                    "be read with rig bag recover"
+                ),
+                whole=False,
+            )
+        if own.st_nlink == 0:
+            raise self._stop(RigError(f"{self.path} was removed while it was recorded, at {kept}; nothing of it is left"))
+        if there is None or there.st_ino != own.st_ino:
+            raise self._stop(
+                RigError(
+                    f"{self.path} is not at its place any more at {kept}: it or its folder was renamed or moved; "
+                    "the bag was ended in order where it is now"
+                )
+            )
+        if free < needed:
+            raise self._stop(
+                DiskFull(
+                    f"{self.path} was ended in order at {kept}, before the disk is full: {free // 1024} kB are "
+                    f"left, and its end takes up to {needed // 1024} kB"
+                )
+            )
+        return free - needed
+
+    def _stop(self, why: RigError, whole: bool = True) -> RigError:
+        """End the bag for a reason, which every later call repeats; one that is not ``whole`` any more is only closed."""
+        self._failure = type(why), str(why)
+        with suppress(OSError, RigError):
+            if whole:
+                self.end("failed", str(why))
+                self._finish()
+            self._file.close()
+        return why
 
     def close(self) -> None:
         """Write the end of the file and metadata.yaml; a second call does nothing.
@@ -435,6 +498,7 @@ class BagWriter:
         self._flush_at: int | None = None  # ns; None before the first message
         self._first = self._last = 0
         self._kept = 0  # ns, up to which everything is handed to the operating system
+        self._handed = 0  # bytes of the file until there
         self._unflushed: deque[tuple[int, int]] = deque()  # of McapWriter, once it has begun the file
         self._file = open(self.path, "xb", buffering=BUFFER)
 

@@ -74,8 +74,8 @@ SEQUENCE_PARAMETERS = (
 )
 
 
-class ThreadDied(RigError):
-    """A thread of the process that ended with an exception which was not caught."""
+class Died(RigError):
+    """A thread or a callback of the process that ended with an exception which was not caught."""
 
     exit_code = 1
 
@@ -100,7 +100,7 @@ class Process:
         self.name, self.stopping, self.interrupted = name, False, False
         self.executor = None
         self.ros_began = 0.0  # time.monotonic() when it joined ROS
-        self.failure: RigError | None = None  # what ended one of its threads
+        self.failure: RigError | None = None  # what ended one of its threads or callbacks
         threading.excepthook = self._on_thread_death
         self._last_text = ""
         self._began = time.monotonic()
@@ -174,10 +174,14 @@ class Process:
     def _on_thread_death(self, death: threading.ExceptHookArgs) -> None:
         """End the process when a thread dies, because otherwise its work would be missing from then on without an error."""
         thread = death.thread.name if death.thread is not None else "a thread"
-        self.failure = self.failure or ThreadDied(f"its thread '{thread}' died of {_named(death.exc_value)}")
+        self._fail(f"its thread '{thread}'", death.exc_value)
+
+    def _fail(self, what: str, error: BaseException | None) -> None:
+        """End the process in order for an exception that nothing has caught; the first one is its failure."""
+        self.failure = self.failure or Died(f"{what} died of {_named(error)}")
         self.stop()
         with suppress(OSError):
-            traceback.print_exception(death.exc_type, death.exc_value, death.exc_traceback)
+            traceback.print_exception(error)
 
     def stop(self) -> None:
         """Request an orderly end; the process is killed when that takes longer than PATIENCE."""
@@ -244,8 +248,15 @@ class Process:
         set_parameters(sys.argv, nodes, self.log.warning)
 
     def spin(self, seconds: float) -> None:
-        """Serve callbacks for some seconds; a spin without end would not notice signals."""
-        self.executor.spin_until_future_complete(Future(), seconds)
+        """Serve callbacks for some seconds; a spin without end would not notice signals.
+
+        An exception of any callback of any node ends the process in order, and the rig container first brings the rig into its
+        safe state.
+        """
+        try:
+            self.executor.spin_until_future_complete(Future(), seconds)
+        except Exception as error:
+            self._fail(f"its callback '{_callback(error)}'", error)
 
     def leave(self, nodes: Iterable[Node], publishers: Iterable[Publisher] = (), **facts: object) -> None:
         """End: wait until every subscriber has what was published, write facts and cost, and remove the nodes.
@@ -334,6 +345,16 @@ def run(main: Callable[[Callable[..., Process]], object]) -> int:
         return error.exit_code if known else 1
 
 
-def _named(error: BaseException) -> str:
+def _callback(error: BaseException) -> str:
+    """Return the name of the function of this package in which an exception of a callback began."""
+    names = [
+        frame.f_code.co_qualname if sys.version_info >= (3, 11) else frame.f_code.co_name
+        for frame, _ in traceback.walk_tb(error.__traceback__)
+        if "rclpy" not in frame.f_code.co_filename
+    ]
+    return names[1] if len(names) > 1 else "unknown"  # the first one is Process.spin
+
+
+def _named(error: BaseException | None) -> str:
     """An unexpected exception as one line."""
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

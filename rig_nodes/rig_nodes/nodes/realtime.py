@@ -33,6 +33,9 @@ CATCH_UP = 4
 # rig trips, so no controller in real time could have answered meanwhile. Healthy runs on two cores that a dozen other
 # programs wanted too were up to 82 ms behind.
 BEHIND_NS = 100_000_000
+# A gap of this length between two samples is no lateness of a busy machine: the rig stood still, as by SIGSTOP or a suspended
+# machine, and a real one would have gone on without its controller.
+STOOD_NS = 1_000_000_000
 
 
 def prefer(priority: int, thread: int = 0) -> bool:
@@ -114,8 +117,18 @@ class RealTime:
         self.times_behind = 0
         self.real_time_priority = False
 
-    def run(self, step: Callable[[], None], stop: Callable[[], bool]) -> None:
-        """Step until ``stop()`` is true at the start of a tick, so that no tick is cut."""
+    def run(self, step: Callable[[], None], stop: Callable[[], bool], stood: Callable[[float], None]) -> None:
+        """Step until ``stop()`` is true at the start of a tick, so that no tick is cut.
+
+        Parameters
+        ----------
+        step : callable
+            Does one sample.
+        stop : callable
+            Returns whether to end.
+        stood : callable
+            It is called with the time [s] for which the rig stood still, before the next sample.
+        """
         gc.collect()
         gc.freeze()  # objects made at the start are never scanned again, so that collections stay far below a sample
         self.real_time_priority = prefer(CLOCK)
@@ -130,6 +143,8 @@ class RealTime:
             if now < start:
                 sleep((start - now) * 1e-9)
                 now = clock()
+            if count and now - last > STOOD_NS:
+                stood((now - last) * 1e-9)
             last = now
             if count % per_tick == 0:
                 if stop():

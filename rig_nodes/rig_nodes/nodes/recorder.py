@@ -374,6 +374,7 @@ def work(process: Process) -> None:
         try:
             while not process.stopping and node.failure is None:
                 process.spin(0.05)
+                process.status("alive")
                 node.others.look()
             drain(process, node)
         finally:

@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from ..base import SAMPLE_NS, TICK_SAMPLES, RigError, printable
 from ..controllers import announce, from_environment
-from ..runs import BY_HAND, ENDED_EARLY, PROCESS_LOST, SCALAR_SAMPLES, Outputs, Rig, RigStatus, check_delay, run_record
+from ..runs import BY_HAND, ENDED_EARLY, PROCESS_LOST, SCALAR_SAMPLES, STOOD_STILL, Outputs, Rig, RigStatus, check_delay, run_record
 from .commands import Commands
 from .cut import CutEnds
 from .device import DeviceNode, device_names, own_nodes, pace_of, sender
@@ -114,7 +114,7 @@ class Container:
     def obey(self, order: dict) -> None:
         """Do an order of the supervisor, which is the first to detect that a process of the graph is gone or was started again."""
         if "trip" in order:
-            self.commands.put_first("supervisor", lambda: self.rig.trip(order["trip"], PROCESS_LOST))
+            self.commands.put_first("supervisor", lambda: self.rig.trip(order["trip"], order["name"]))
         if "event" in order:
             self.commands.put("supervisor", self.commands.event, order["event"], order["text"])
 
@@ -158,7 +158,7 @@ class Container:
                 self.clock.run(self.publish, self.is_over)
             else:
                 self.publish()  # time 0: latched topics
-                self.clock.run(self.step, self.is_over)
+                self.clock.run(self.step, self.is_over, self.stood)
         except BaseException as error:
             self._failure = error
             traceback.print_exc()
@@ -174,6 +174,10 @@ class Container:
         self.rig.advance_samples(1)
         self.commands.apply()
         self.publish()
+
+    def stood(self, seconds: float) -> None:
+        """Trip a rig that stood still for so long [s of wall clock]."""
+        self.rig.trip(f"the rig stood still for {seconds:.2f} s of real time", STOOD_STILL)
 
     def publish(self) -> None:
         """Send what is due now, and the time at every tick; in lockstep, wait first for the answers of cut devices."""
@@ -217,12 +221,14 @@ class Container:
         if not self.process.stopping:
             return False
         if self._last_ticks is None:
-            orphaned = self.process.orphaned()
-            if not (self.process.interrupted or orphaned):
+            orphaned, failure = self.process.orphaned(), self.process.failure
+            if not (self.process.interrupted or orphaned or failure):
                 return True
             self._last_ticks = LAST_TICKS
             if orphaned:
                 rig.trip(ORPHANED, PROCESS_LOST)
+            elif failure:
+                rig.trip(f"container: {failure}", PROCESS_LOST)
             elif rig.status != RigStatus.TRIPPED:
                 rig.trip(
                     "the run was ended before its sequence was done" if self.by_sequence else "the rig was ended by hand",

@@ -19,6 +19,7 @@ NO_ANSWER, PROCESS_LOST = (
     "process_lost",
 )  # a device outside the plant does not answer; a process of the graph is gone
 ENDED_EARLY = "ended_early"  # somebody ended the run before its sequence was done
+STOOD_STILL = "stood_still"  # in real time, the rig made no sample for longer than any controller may be silent
 NO_NUMBER, UNSETTLED = "no_finite_number", "not_settled"  # the plant could not be moved
 WARNING = "rig_warning"  # name of the event of a trip that is near
 FOLLOWING = (PROCESS_LOST, ENDED_EARLY)  # trips of a run that something else has ended already

@@ -23,13 +23,14 @@ from pathlib import Path
 
 from ...base import pair
 from ...controllers import Domain, environment, participants
-from ...runs import FOLLOWING
+from ...runs import FOLLOWING, PROCESS_LOST, STOOD_STILL
 from .child import Child
 from .tap import tap_pair
 
 MODULES = {"recorder": "recorder", "container": "rig_container", "alfa46": "alfa46", "sequencer": "sequencer"}
 END_ORDER = (("container",), ("alfa46", "sequencer"), ("recorder",))
 END_TIMEOUT = 12.0  # s that a process has for its orderly end
+STANDS = 1.0  # s without a word of the recorder after which it stands still
 AFTER_TRIP = 0.3  # s recorded after the safe state
 RESTARTED = ("alfa46", "recorder", "sequencer")  # restarted when they die, in a rig that is operated by hand
 LIVES, LIVES_TIME = 3, 60.0  # a process that ends more often than this within so many s is not started again
@@ -147,6 +148,7 @@ class Supervisor:
         self._others = 0  # DDS participants of other programs that were in the domain before this run
         self._unexplained = ""  # reason of the trip before the controller's plug told more
         self._awaited = ""  # sentence that no controller has come yet, as the alfa46 process reported last
+        self._recorded = 0.0  # time.monotonic() when the recorder last said that it goes on; 0 before, and after it stood still
         self._end_at = math.inf
         self._lock = threading.Lock()  # protects the wake pipe
         self._wake_read, self._wake_write = os.pipe()
@@ -243,10 +245,21 @@ class Supervisor:
                         again = self._on_death(child)
                         if again is not None:
                             selector.register(again.line, selectors.EVENT_READ, again)
+                self._look_after_recorder()
+
+    def _look_after_recorder(self) -> None:
+        """Trip a rig in real time whose recorder stands still, because messages are lost soon; once until it goes on."""
+        still = time.monotonic() - self._recorded
+        if self.order.speed is not None or not self.running.is_set() or self._recorded == 0.0 or still < STANDS:
+            return
+        self._recorded = 0.0
+        self.children["container"].send(trip=f"the recorder stands still for {still:.1f} s", name=STOOD_STILL)
 
     def _on_message(self, child: Child, message: dict) -> None:
         kind = message["kind"]
-        if kind == "running":
+        if kind == "alive":
+            self._recorded = time.monotonic()
+        elif kind == "running":
             self.running.set()
             self.say(None, "all nodes are connected, time starts")
         elif kind == "state":
@@ -304,7 +317,7 @@ class Supervisor:
         child.wait()
         how = f"{child.name} {child.how()}"
         if child.name != "container" and self.running.is_set() and self.order.speed is None:
-            self.children["container"].send(trip=how)
+            self.children["container"].send(trip=how, name=PROCESS_LOST)
         if not self._may_live_again(child):
             self._finish_with(End("failed", f"{how}; see logs/{child.log}"), AFTER_TRIP)
             return None
