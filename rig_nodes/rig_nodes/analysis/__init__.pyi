@@ -22,7 +22,7 @@ from .limits import Limit as Limit, MET as MET, MISSED as MISSED, NOT_FOUND as N
 from .loops import STEP as STEP, loop_columns as loop_columns, put_loops as put_loops
 from .measured_error import Instrument as Instrument, instruments_of as instruments_of, uncertainty as uncertainty
 from .metrics import Metric as Metric, PLOTS as PLOTS, SHORT as SHORT, every_metric as every_metric, metric_keys as metric_keys, named_metrics as named_metrics
-from .modes import Critical as Critical, Found as Found, Response as Response, Spectrum as Spectrum, beside as beside, recorded as recorded, spectrum as spectrum, system_of as system_of
+from .modes import Critical as Critical, Found as Found, Response as Response, Spectrum as Spectrum, beside as beside, found_in as found_in, recorded as recorded, spectrum as spectrum, states_of as states_of, system_of as system_of
 from .moved import moved_lines as moved_lines
 from .no_change import measured_lines as measured_lines
 from .of_runs import gather as gather, gathering as gathering, shifts_report as shifts_report

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from math import pi
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,7 +42,7 @@ def main(args: argparse.Namespace) -> int:
 
     config = load_rig(args.rig)
     plan_of(config)  # checks joined devices, which only the engine can check
-    print("\n".join([*_summary(config), *_short_ranges(config)]))
+    print("\n".join([*_summary(config), *_fastest(config), *_short_ranges(config)]))
     if config.structure.shifts and (why := beyond_alfa46(config.transmission)):
         print(f"warning: {_last_output(args.rig, config)}: {why}")
     for path in _sequences(args.rig):
@@ -98,6 +98,29 @@ def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
         yield f"calibration: {', '.join(calibration_of(rig, config).parameters)}"
 
 
+def _fastest(config: RigConfig) -> Iterator[str]:
+    """Yield the highest natural frequency of all states of the clutches, with a warning where a run shows another one.
+
+    The phase of an oscillation w t is off by (w h)^2 / 12 in steps of h, so that h = sqrt(12 / 1000) / w for a thousandth.
+    """
+    from ..analysis import found_in, states_of, system_of
+    from ..driveline import shown_frequencies
+
+    system, step = system_of(config), config.kernel.step
+    every = ((max(found_in(system, one).modes.frequencies, default=0.0), one.name) for one in states_of(config))
+    highest, state = max(every, key=lambda one: one[0])
+    if not system.shafts or highest <= 0.0:
+        return
+    shown = float(shown_frequencies(system, [highest], step)[0])
+    yield f"highest frequency: {highest:.5g} Hz ({state}), {highest * step:.2g} periods a step of {step * 1e6:g} us"
+    if shown < 0.999 * highest:
+        fine = math.sqrt(0.012) / (2.0 * math.pi * highest)
+        yield (
+            f"warning: a run shows {shown:.5g} Hz of them, {100.0 * (shown / highest - 1.0):.2g} %, because its step is too long; "
+            f"a step of at most {fine * 1e6:.2g} us shows it to 0.1 %"
+        )
+
+
 def _short_ranges(config: RigConfig) -> Iterator[str]:
     """Yield a warning when the output can turn faster than its transducer shows, in the gear in which it turns fastest."""
     if not config.structure.gears:
@@ -107,7 +130,7 @@ def _short_ranges(config: RigConfig) -> Iterator[str]:
     fastest = min(box.gears[1:], key=lambda gear: abs(gear.ratio or 0.0))
     speed, end = into.high / abs(box.ratios[fastest.number]), box.ranges.get(out.name, (0.0, float("inf")))[1]
     if speed > end:
-        rpm = 30.0 / pi
+        rpm = 30.0 / math.pi
         yield (
             f"warning: gear {fastest.name} turns the output at {speed * rpm:.0f} rpm when {into.name} is at {into.high * rpm:.0f}"
             f" rpm, and {out.name} shows at most {end * rpm:.0f} rpm: raise instruments.{out.like}_range, because shifts beyond "

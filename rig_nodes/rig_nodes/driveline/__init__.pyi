@@ -21,4 +21,4 @@ from .small_vectors import add as add, dot as dot, product as product, put as pu
 from .state import Loads as Loads, State as State, Structure as Structure
 from .system import System as System, torque_refused as torque_refused
 from .tables import Table as Table, table_of as table_of
-from .vibration import Modes as Modes, Response as Response, Sensitivities as Sensitivities, modes as modes, response as response, sensitivities as sensitivities
+from .vibration import Modes as Modes, Response as Response, Sensitivities as Sensitivities, modes as modes, response as response, sensitivities as sensitivities, shown_frequencies as shown_frequencies
