@@ -113,7 +113,7 @@ def _fastest(config: RigConfig) -> Iterator[str]:
         return
     shown = float(shown_frequencies(system, [highest], step)[0])
     yield f"highest frequency: {highest:.5g} Hz ({state}), {highest * step:.2g} periods a step of {step * 1e6:g} us"
-    if shown < 0.999 * highest:
+    if shown < 0.995 * highest:
         fine = math.sqrt(0.012) / (2.0 * math.pi * highest)
         yield (
             f"warning: a run shows {shown:.5g} Hz of them, {100.0 * (shown / highest - 1.0):.2g} %, because its step is too long; "
