@@ -28,6 +28,7 @@ EXTRAS = {
     "mdf": ["asammdf", "openpyxl", "npTDMS", "h5py"],
     "learn": ["gymnasium"],
     "sweep": ["dask", "distributed", "optuna"],
+    "docs": ["sphinx", "myst-parser", "furo", "sphinx-copybutton"],
     "test": ["pytest", "mcap-ros2-support"],
 }
 
@@ -86,6 +87,7 @@ setup(
         "pandas",
         "pyarrow",
         "matplotlib",
+        "jinja2",
         "cmaes",
         "fmpy<0.3.26",
     ],
