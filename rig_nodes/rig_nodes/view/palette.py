@@ -20,6 +20,7 @@ PHASES = (FILL, TORQUE, INTERRUPTED, INERTIA, SETTLING)
 GROUND, INK, NOTE, RULE, GRID = "ground", "ink", "note", "rule", "grid"  # NOTE is of small words, RULE of axes
 LIMIT, MET = "limit", "met"
 PALER = 0.5  # share of white in the colour of a demanded value, where there are no line styles
+BRIGHTER = 2.2  # factor of a phase's colour where it is a bar instead of a ground
 
 LIGHT = {
     INPUT: "#3d6742",
@@ -102,7 +103,8 @@ def _variable(name: str) -> str:
 
 
 def rgb(name: str, demanded: bool = False) -> tuple[int, int, int]:
-    """Return red, green and blue of a colour of the dark palette, which the viewer has; that of a demanded value is paler."""
-    parts = (int(DARK[name][place : place + 2], 16) for place in (1, 3, 5))
+    """Return red, green and blue of a colour of the dark palette in the viewer: a demanded value is paler, a phase brighter."""
+    more = BRIGHTER if name in PHASES else 1.0
+    parts = (min(round(more * int(DARK[name][place : place + 2], 16)), 255) for place in (1, 3, 5))
     red, green, blue = (round(part + PALER * (255 - part)) if demanded else part for part in parts)
     return red, green, blue
