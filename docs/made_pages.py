@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING
 import rig_nodes
 from rig_nodes.base import Parser
 from rig_nodes.cli import list as listed
+from rig_nodes.cli.faults import page as faults_page
 from rig_nodes.cli.main import VERBS, module_of
 from rig_nodes.rig import page as parameters_page
 from rig_nodes.rigs.hydmag.laboratory import document
-from rig_nodes.studies import laboratory, of_rig
+from rig_nodes.studies import laboratory, of_rig, page_of_faults
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 DOCS = Path(__file__).parent
+SCORES = DOCS / "reference" / "fault_benchmark.json"  # of rig faults bench --json, which takes minutes too
 STORED = DOCS / "reference" / "validation.json"  # of rig validate --json, which takes too long for a build
 
 
@@ -50,6 +52,8 @@ def pages() -> dict[str, str]:
     return {
         "signals.md": listed.markdown(),
         "parameters.md": parameters_page(),
+        "faults.md": faults_page(),
+        "fault_benchmark.md": page_of_faults(json.loads(SCORES.read_text(encoding="utf-8"))),
         "metrics.md": _metrics(),
         "settings.md": _settings(),
         "command_line.md": _command_line(),

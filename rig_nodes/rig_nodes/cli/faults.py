@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base import ProgressLine, RigError
@@ -16,6 +17,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
 
+    from ..plant import Size
+
+PAGE = """# Types of faults
+
+How they are ordered: [faults](../faults.md). FMI is the failure mode of SAE J1939-73; sizes are assumed, within what such devices
+can have.
+
+"""
 HELP = "score a detector of faults on healthy and ill runs"
 
 
@@ -78,10 +87,27 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
+def page() -> str:
+    """Return the content of docs/made/faults.md."""
+    from ..plant import faults
+    from ..rig import shown_unit
+
+    def size_of(size: Size | None) -> str:
+        if size is None:
+            return "-"
+        unit, factor = shown_unit(size.quantity)
+        low, high, usual = (f"{value / factor:.4g}" for value in (size.low, size.high, size.usual))
+        return f"{size.text}: {usual} {unit} ({low} to {high})"
+
+    rows = ["| fault | what | size: usual one (range) | onset | one sees | FMI |", "| --- | --- | --- | --- | --- | --- |"]
+    for name, one in faults().items():
+        rows.append(f"| `{name}` | {one.text} | {size_of(one.size)} | {one.onset} | {one.sign} | {one.fmi} |")
+    return PAGE + "\n".join(rows) + "\n"
+
+
 def detector_of(spec: str) -> Callable[[Any], Any]:
     """Return the function that FILE.py:FUNCTION names; RigError when there is none."""
     import importlib.util
-    from pathlib import Path
 
     path, _, name = spec.rpartition(":")
     if not path or not Path(path).is_file():

@@ -91,7 +91,7 @@ def add_shared_arguments(parser: argparse.ArgumentParser, by_hand: bool = False)
         "--fault",
         "NAME",
         "fault",
-        'a fault and how it sets in, e.g. "valve_zr_p1.stuck, at=8 s" (./rig list faults); a set of them, faults/NAME.yaml; or '
+        'a fault and how it sets in, e.g. "motor.weak, at=8 s" (./rig list faults); a set of them, faults/NAME.yaml; or '
         "random, drawn by the seed; enables faults",
     )
     add_list(parser, "--with", "NAME=VALUE", "parameters", 'give a parameter of the sequence a value, e.g. speed="1500 rpm"')

@@ -280,7 +280,7 @@ def _split(text: str, where: str) -> dict[str, str]:
 def _trigger(config: RigConfig, text: str, where: str) -> Trigger:
     words = text.split(maxsplit=2)
     if len(words) != 3 or words[1] not in (ABOVE, BELOW):
-        raise RigError(f"{where} is {brief(text)}; expected SIGNAL above VALUE or SIGNAL below VALUE, e.g. n_wej above 500 rpm")
+        raise RigError(f"{where} is {brief(text)}; expected SIGNAL above VALUE or SIGNAL below VALUE")
     signals = config.catalogue.signals
     if words[0] not in signals:
         raise RigError(f"{where}: {unknown('signal', words[0], signals)}")

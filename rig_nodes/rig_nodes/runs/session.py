@@ -264,7 +264,7 @@ class Session:
         Parameters
         ----------
         name : str
-            Name of the fault, e.g. "valve_zr_p1.stuck"; ``rig list faults`` prints those of a rig.
+            Name of the fault, e.g. "motor.weak"; ``rig list faults`` prints those of a rig.
         **how
             ``size``, ``onset``, ``over``, ``period``, ``share``, ``at``, ``when`` as texts with units, as in a sequence's step
             ``fault``; ``lasts`` is its ``for``, and ``off=True`` ends the fault.

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 MEAN = 0.2  # s: over which residuals are averaged
 SHIFTING = 1.5  # s after an order in which a gear is not expected
 STARTED = 2.4  # s: until then the rig is brought to its speed
-MARGIN = 1.5  # largest residual of the healthy runs that were learned, times this, is the threshold
+MARGIN = 2.0  # largest residual of the healthy runs that were learned, times this, is the threshold
 HELD = 3  # rows for which a residual must be beyond it
 FLOOR = 1e-12
 
@@ -75,7 +75,8 @@ def residuals(course: Course) -> dict[str, Floats]:
     out["ratio"] = np.where(steady, averaged(slip), np.nan)
     out["torques"] = np.where(steady, averaged(torques[0] * ratio - torques[1]), np.nan)
     out["engagement"] = _engagements(np.abs(slip) / np.maximum(np.abs(turns[0]), 1.0), since, course)
-    out["drive"] = np.where(steady, averaged(turns[0] - np.median(turns[0][t > STARTED])), np.nan)
+    before = (t > STARTED - MEAN) & (t <= STARTED)
+    out["drive"] = np.where(t > STARTED, averaged(turns[0] - turns[0][before].mean()), np.nan)
     for load in structure.of_role(parts.LOAD):
         if (pressure := shows.get(f"{load.name}.pressure")) and hasattr(values := config.values(load.name), "displacement"):
             expected = values.displacement * got[pressure] + values.mechanical_loss
