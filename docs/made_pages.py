@@ -55,7 +55,8 @@ def pages() -> dict[str, str]:
         "faults.md": faults_page(),
         "fault_benchmark.md": page_of_faults(json.loads(SCORES.read_text(encoding="utf-8"))),
         "metrics.md": _metrics(),
-        "settings.md": _settings(),
+        "settings.md": _of_rig("settings", "Settings", "[Settings](../how_to/settings.md) says how they are changed."),
+        "trips.md": _of_rig("trips", "Trips", "[Rigs](../how_to/rigs.md#trips) says how a rig gives its own."),
         "command_line.md": _command_line(),
         "messages.md": _messages(),
         "api.md": _api(),
@@ -76,11 +77,9 @@ def _metrics() -> str:
     )
 
 
-def _settings() -> str:
-    return (
-        "# Settings of the rig hydmag\n\nAs `./rig list settings` prints them; `--rig NAME` has those of another rig. "
-        "[Settings](../how_to/settings.md) says how they are changed.\n\n" + _table(listed.OF_A_RIG["settings"](None))
-    )
+def _of_rig(what: str, title: str, more: str) -> str:
+    head = f"# {title} of the rig hydmag\n\nAs `./rig list {what}` prints them; `--rig NAME` has those of another rig. {more}\n\n"
+    return head + _table(listed.OF_A_RIG[what](None))
 
 
 def _command_line() -> str:
