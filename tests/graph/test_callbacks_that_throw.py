@@ -12,8 +12,10 @@ import os
 import time
 
 import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
+from rclpy.task import Future
 from running_graph import Client, Graph
 
 from rig_nodes.nodes.processes import supervisor
@@ -54,25 +56,33 @@ class BrokenGraph(Graph):
         try:
             name = what[0].replace("~", f"/{node}") if what else ""
             name = name if name.startswith("/") or not name else f"/{name}"
-            if kind == "create_service":
-                user.node.create_client(_type_of(user, user.node.get_service_names_and_types, name), name).call_async(
-                    _type_of(user, user.node.get_service_names_and_types, name).Request()
-                )
-            elif kind == "create_subscription":
-                message = _type_of(user, user.node.get_topic_names_and_types, name)
-                publisher = user.node.create_publisher(message, name, 10)
-                user.until(publisher.get_subscription_count, f"receivers of {name}")
-                publisher.publish(message())
-            elif "parameters" in kind:
-                user.node.create_client(SetParameters, f"/{node}/set_parameters").call_async(SetParameters.Request())
-            elif kind.endswith("_callback"):
-                action = _type_of(user, user.node.get_topic_names_and_types, f"{name}/_action/feedback")
-                ActionClient(user.node, action, name).send_goal_async(action.Goal())
+            act = self._act(user, kind, node, name)
             until = time.monotonic() + WITHIN
             while time.monotonic() < until and not self.told():
-                user.until(lambda: True, "a moment")
+                act()  # again and again, because the first may not arrive everywhere
+                user.executor.spin_until_future_complete(Future(), 0.3)
         finally:
             user.close()
+
+    def _act(self, user, kind, node, name):
+        """Returns a function that has the callback called."""
+        if kind == "create_service":
+            of = _type_of(user, user.node.get_service_names_and_types, name)
+            client = user.service(of, name)
+            return lambda: client.call_async(of.Request())
+        if kind == "create_subscription":
+            message = _type_of(user, user.node.get_topic_names_and_types, name)
+            publisher = user.node.create_publisher(message, name, 10)
+            return lambda: publisher.publish(message())
+        if "parameters" in kind:
+            client = user.service(SetParameters, f"/{node}/set_parameters")
+            value = Parameter(name="use_sim_time", value=ParameterValue(type=1, bool_value=True))
+            return lambda: client.call_async(SetParameters.Request(parameters=[value]))
+        if kind.endswith("_callback"):
+            action = _type_of(user, user.node.get_topic_names_and_types, f"{name}/_action/feedback")
+            client = ActionClient(user.node, action, name)
+            return lambda: client.send_goal_async(action.Goal())
+        return lambda: None
 
     def told(self):
         """The supervisor's lines on the callback."""
