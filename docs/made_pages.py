@@ -21,7 +21,8 @@ from rig_nodes.cli.faults import page as faults_page
 from rig_nodes.cli.main import VERBS, module_of
 from rig_nodes.rig import page as parameters_page
 from rig_nodes.rigs.hydmag.laboratory import document
-from rig_nodes.studies import laboratory, of_rig, page_of_faults
+from rig_nodes.studies import laboratory, of_rig
+from rig_nodes.studies.faults.score import page_of_faults
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
