@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..rig import RigConfig
 
 PICTURE = "picture.svg"  # which rig list rigs names, too
+PART_S = 2.5e-6  # s of processor time for a part of a step of two bodies, measured
 HELP = "check the folder of a rig and draw its driveline"
 
 
@@ -42,7 +43,7 @@ def main(args: argparse.Namespace) -> int:
 
     config = load_rig(args.rig)
     plan_of(config)  # checks joined devices, which only the engine can check
-    print("\n".join([*_summary(config), *_fastest(config), *_short_ranges(config)]))
+    print("\n".join([*_summary(config), *_fastest(config), *_slow_shafts(config), *_short_ranges(config)]))
     if config.structure.shifts and (why := beyond_alfa46(config.transmission)):
         print(f"warning: {_last_output(args.rig, config)}: {why}")
     for path in _sequences(args.rig):
@@ -119,6 +120,21 @@ def _fastest(config: RigConfig) -> Iterator[str]:
             f"warning: a run shows {shown:.5g} Hz of them, {100.0 * (shown / highest - 1.0):.2g} %, because its step is too long; "
             f"a step of at most {fine * 1e6:.2g} us shows it to 0.1 %"
         )
+
+
+def _slow_shafts(config: RigConfig) -> Iterator[str]:
+    """Yield a warning for each shaft whose table or backlash divides a step so often that a run falls behind real time."""
+    from ..analysis import system_of
+    from ..driveline import parts_of_steps
+
+    step = config.kernel.step
+    for name, parts in parts_of_steps(system_of(config), step).items():
+        if parts * PART_S > step:
+            took = f"up to {parts} parts to resolve its table, which takes some {parts * PART_S * 1e3:.2g} ms"
+            yield (
+                f"warning: shaft {name} divides a step of {step * 1e6:g} us into {took}: "
+                "a run is slower than real time where it is so stiff"
+            )
 
 
 def _short_ranges(config: RigConfig) -> Iterator[str]:

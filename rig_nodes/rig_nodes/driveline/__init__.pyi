@@ -5,6 +5,7 @@
 
 from . import algebra as algebra, losses as losses
 from .algebra import E_FRIC as E_FRIC, E_SHAFT as E_SHAFT, E_VISC as E_VISC, HI0 as HI0, HI1 as HI1, KIN0 as KIN0, KIN1 as KIN1, LAM as LAM, LO0 as LO0, LO1 as LO1, LOCK as LOCK, N_CAPPED as N_CAPPED, N_EVENTS as N_EVENTS, TAU as TAU, VISC as VISC, work_size as work_size
+from .bends import parts_of_steps as parts_of_steps
 from .builder import Driveline as Driveline
 from .calls import address_of as address_of, bare_address as bare_address, bare_step as bare_step, call_of as call_of
 from .driven import driven_arrays as driven_arrays, driven_step as driven_step

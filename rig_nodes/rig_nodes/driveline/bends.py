@@ -17,10 +17,12 @@ import numpy as np
 
 from rig_nodes.base import INNER, njit
 from rig_nodes.driveline.algebra import noinline
+from rig_nodes.driveline.laws import SHAFT
 from rig_nodes.driveline.tables import Tables, line, piece
 
 if TYPE_CHECKING:
     from rig_nodes.driveline.laws import Laws
+    from rig_nodes.driveline.system import System
 
 SEEN = 1e-7  # share of the rate of a twist: a bend that changes the rate by less does not divide the step
 RESOLVED = 0.0015  # rad: most phase of the oscillation of a shaft with changing stiffness that a part of a step covers
@@ -131,3 +133,28 @@ def longest_part(tables: Tables, k: int, x: float, rate: float, stiffness: float
     if angular <= STIFF:
         return max(RESOLVED / angular, h / PARTS)
     return max(RESOLVED / angular * (STIFF / angular), h / PARTS_STIFF)
+
+
+def parts_of_steps(system: System, h: float) -> dict[str, int]:
+    """Return into how many parts each shaft with bends divides a step at the stiffest piece of its table.
+
+    Parameters
+    ----------
+    system : System
+        The driveline.
+    h : float
+        Length of a step [s].
+
+    Returns
+    -------
+    dict of str to int
+        The numbers by the names of the shafts whose table has more than two points, as that of backlash has.
+    """
+    found = {}
+    for law in system.laws:
+        if law.kind == SHAFT and len(law.table.x) > 2:
+            steepest = np.max(np.diff(law.table.y) / np.diff(law.table.x)) + sum(stiffness for stiffness, _ in law.springs)
+            angular = math.sqrt(float(steepest) * float(law.of @ system.minv @ law.of))
+            part = RESOLVED * min(1.0, STIFF / angular) / angular if angular > 0.0 else h
+            found[law.name] = min(PARTS if angular <= STIFF else PARTS_STIFF, max(1, math.ceil(h / part)))
+    return found
