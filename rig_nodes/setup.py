@@ -45,6 +45,7 @@ setup(
             "base/**/*.yaml",
             "base/*.xml",
             "bags/interfaces/*/msg/*.msg",
+            "view/templates/*.html",
             "py.typed",
             "rigs/**/*.yaml",
             "rigs/**/*.csv",

@@ -305,6 +305,6 @@ def _text(summary: dict, config: RigConfig) -> str:
         lines.append("all rows of the calculation: lowest, median, highest")
         lines += [f"  {name:<{width}}" + "".join(f"{value:>z12.5g}" for value in x) for name, x in summary["table"].items()]
     if summary["results"]:
-        look = "view" if summary["shifts"] else "report"  # the view shows metrics of shifts only
-        lines.append(f"written to {summary['results']}; look at it with: ./rig {look} {quoted(summary['folder'])}")
+        page = f"./rig report {quoted(summary['folder'])} --html page.html"
+        lines.append(f"written to {summary['results']}; look at it with: {page}")
     return "\n".join(lines)
