@@ -85,7 +85,7 @@ def test_the_command_goes_on_and_says_so(tmp_path, capsys):
     assert main(["sweep", folder, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["finished_before"] == 2
     assert main(["sweep", folder]) == 0
-    assert capsys.readouterr().out.endswith(f"results.parquet; look at it with: ./rig view {folder}\n")
+    assert capsys.readouterr().out.endswith(f"results.parquet; look at it with: ./rig report {folder} --html page.html\n")
     assert main([*arguments[:3], "rest=30 ms, 70 ms", *arguments[4:]]) == 2
     assert "holds another sweep" in capsys.readouterr().err
     assert main(["sweep", folder, "--seed", "2"]) == 2

@@ -47,7 +47,7 @@ def test_each_members_table_is_in_the_results_with_and_without_bags(folder, tmp_
     words = ["sweep", "short", "--rig", str(folder), "--vary", "speed=200 rpm, 400 rpm", "--calculate", "ends", "--jobs", "1"]
     assert main([*words, "--out", str(tmp_path / "plain")]) == 0
     output = capsys.readouterr().out
-    assert output.endswith(f"; look at it with: ./rig report {tmp_path / 'plain'}\n")  # the view shows shifts only
+    assert output.endswith(f"; look at it with: ./rig report {tmp_path / 'plain'} --html page.html\n")
     assert "2 of 2 members finished\n" in output and "speed [rpm]" in output and "work [J]" in output
     assert main([*words, "--out", str(tmp_path / "bags"), "--bags"]) == 0
     for name in ("plain", "bags"):

@@ -333,8 +333,8 @@ def _valve(config: RigConfig, valve: Device) -> Iterator[Trip]:
     """A clutch's pressure that is too high, and a coil whose current does not follow its voltage."""
     values, clutch = getattr(config, valve.name), valve.wires["feeds"]
     watched = Sum(f"pressure of {config.structure.device(clutch).called}", ((f"{config.structure.line_of(clutch)}.pressure", 1.0),))
-    source = f"assumed: a quarter above the highest pressure of {valve.called}"
-    yield Trip(f"overpressure_{clutch}", watched, "pressure", 1.25 * values.pressure_limit, source, TOO_HIGH, 0.05)
+    source = f"assumed: a quarter above the highest pressure of {valve.called}, for longer than a spool in cold oil overshoots"
+    yield Trip(f"overpressure_{clutch}", watched, "pressure", 1.25 * values.pressure_limit, source, TOO_HIGH, 0.2)
     if valve.name in config.cut_out or not config.effects.current_loop:
         return
     current = next(one.name for one in config.structure.transducers if one.shows == f"{valve.name}.current")
@@ -372,7 +372,7 @@ def _plates(config: RigConfig, clutch: Device) -> Iterator[Trip]:
     """Plates that are pressed too much, too hot, or heated too much by one slip."""
     pressure, pack = _pressure(config, clutch), getattr(config, clutch.wires["plates"])
     source = "assumed: what wet linings bear"
-    yield Trip(f"surface_pressure_{clutch.name}", pressure, "pressure", PRESSED, source, TOO_HIGH, 0.05)
+    yield Trip(f"surface_pressure_{clutch.name}", pressure, "pressure", PRESSED, source, TOO_HIGH, 0.2)
     hot = Sum(f"temperature of the plates of {clutch.called}", ((f"{clutch.name}.temperature", 1.0),))
     yield Trip(f"hot_plates_{clutch.name}", hot, "temperature", HOT, f"{source}, as a mean of the pack", TOO_HIGH, 0.05)
     heat = Sum(f"heat of one slip of {clutch.called}", ((f"{clutch.name}.heat", 1.0),))
