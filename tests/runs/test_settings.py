@@ -8,8 +8,10 @@ import pytest
 from rig_nodes.base.errors import RigError
 from rig_nodes.base.names import installed
 from rig_nodes.rig.configuration import load_rig, with_overrides
+from rig_nodes.rig.recorded_rig import config_of_record
 from rig_nodes.rig.settings import settings_of
 from rig_nodes.rig.structure import structure_of
+from rig_nodes.rig.trips import TRIPS
 from rig_nodes.runs.fmu.rig_variables import enable_of, rig_variables
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
@@ -22,7 +24,9 @@ UNKNOWN = "there is no value of motor 'ramb'; did you mean 'ramp'"
 def test_a_bag_knows_the_settings_of_its_rig(name):
     config = load_rig(name)
     record = config.as_dict()
-    assert settings_of(structure_of(record["structure"]), record) == config.settings
+    assert config_of_record(record, "bag").settings == config.settings
+    own = {name: one for name, one in config.settings.items() if one.owner != TRIPS}  # limits of trips follow from the whole rig
+    assert settings_of(structure_of(record["structure"]), record) == own
 
 
 @pytest.mark.parametrize("name", installed("rigs"))

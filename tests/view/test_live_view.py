@@ -21,7 +21,7 @@ from rig_nodes.controllers.ros.domain import allocate
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import live, picture
 from rig_nodes.view.live import Sender, Server, live_topics
-from rig_nodes.view.pages import FIRST, SECOND, SUPPLY, Pages
+from rig_nodes.view.pages import Pages
 
 CATALOGUE = load_rig("hydmag").catalogue
 
@@ -37,6 +37,7 @@ def plots(*groups):
 
 
 RUN, OTHER = plots(PAGES.run_left, PAGES.run_right), plots(PAGES.other_plots)
+SLIPS = [PAGES.colour(name) for name in dict(RUN)["Slip [rpm]"]]
 needs_driver = pytest.mark.skipif(picture.software_driver() is None, reason=picture.NO_DRIVER)
 
 
@@ -90,7 +91,7 @@ def seen(viewer, end, shown=frozenset(("Slip [rpm]", "States"))):
 
     def slips():
         images = [image_of(image) for _, image in viewer.views("Slip [rpm]".__eq__)]
-        return any(all(curve_pixels(image, colour, side="left") > 30 for colour in (FIRST, SECOND)) for image in images)
+        return any(all(curve_pixels(image, colour, side="left") > 30 for colour in SLIPS) for image in images)
 
     until(slips, "the curves of the slip")
     return {name: image_of(image) for name, image in viewer.views(shown.__contains__)}
@@ -154,7 +155,7 @@ def test_without_a_viewer_the_server_keeps_the_newest_and_stays_small(server, me
         ((oldest, _),) = spans(viewer)
         assert oldest / 1e9 > 0.5 * length, "the oldest data should be gone"
     # layout, colours and legends are older than the dropped messages
-    assert dots(images["Slip [rpm]"], SECOND) and len(lanes(images["States"])) == len(PAGES.states)
+    assert dots(images["Slip [rpm]"], SLIPS[1]) and len(lanes(images["States"])) == len(PAGES.states)
 
 
 @pytest.mark.against_the_clock
@@ -279,7 +280,7 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
         until(lambda: any(newest > 10**9 for _, newest in spans(viewer)), "a second of data")
         until(
             lambda: any(
-                curve_pixels(image_of(image), SUPPLY, side="left") > 30
+                curve_pixels(image_of(image), PAGES.colour("p_p"), side="left") > 30
                 for _, image in viewer.views(lambda name: name.startswith("Clutch and supply"))
             ),
             "the curve of the supply pressure",

@@ -320,7 +320,7 @@ def _oil(config: RigConfig, oil: Device) -> Iterator[Trip]:
     hot = Sum(f"temperature of the oil of {oil.called}", ((f"{oil.name}.oil_temperature", 1.0),))
     yield Trip(f"hot_{oil.name}", hot, "temperature", 110.0, "assumed: mineral oil ages quickly above it", TOO_HIGH, 0.1)
     fed = [valve for valve in config.structure.valves if config.structure.oil_of(valve, "supply") == oil.name]
-    if not fed or not config.structure.shifts or config.structure.input is None:
+    if not fed or not config.structure.shifts or config.structure.input is None or config.prescribed:
         return
     most = max(getattr(config, valve.name).pressure_limit for valve in fed)
     watched = Sum(f"pressure of {oil.called}", ((f"{config.structure.line_of(oil.name)}.pressure", 1.0),))
