@@ -158,7 +158,7 @@ def test_a_number_that_rounds_to_zero_has_no_sign():
     row, account = report["shifts"][1], report["energy"]["shifts"][1]
     row |= {"t_p_s": -1e-9, "k": -1e-5, "e_loss_j": -0.3, "output_torque_nm": -0.01}
     account |= {"residual_j": -1e-4, "residual_of_heat": -1e-7}
-    text = format_report(report) + report_document(report, []) + report_page(report, Facts(), None)
+    text = format_report(report) + report_document(report, []) + report_page(report, Facts(), [], [])
     assert not re.search(r"[-\u2212]0(\.0*)?(?![0-9.])", text)
     assert results_of(report)[len(named_metrics()) + 1].text.startswith("<1.0")
 

@@ -109,7 +109,7 @@ def test_a_folder_of_runs_has_a_table_and_its_spread(written, tmp_path, capsys):
     out = capsys.readouterr().out
     assert re.search(r"^series +2 ", out, re.MULTILINE) and "spread over all runs" in out and "limit missed: series-1, " in out
     made = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert tree_of(made).headings[1:] == ["Limits", "Runs", "Spread over all runs"]
+    assert tree_of(made).headings[1:] == ["Limits", "Metrics over what was varied", "Runs", "Spread over all runs"]
     assert main(["report", str(tmp_path), "--truth"]) == 2
     assert "--truth is for a single recording" in capsys.readouterr().err
 

@@ -51,7 +51,7 @@ def test_no_output_prints_a_number_whose_error_is_larger(report):
     results = results_of(report)
     outputs = {
         "terminal": format_report(report),
-        "page": report_page(report, Facts(), None),
+        "page": report_page(report, Facts(), [], []),
         "view": report_document(report, []),
         "moved": "\n".join(moved_lines(report, other)),
         "spread": "\n".join(spread_lines(spread([results, results]))),

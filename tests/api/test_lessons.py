@@ -53,7 +53,13 @@ def first(tmp_path_factory):
     return {"folder": tmp_path_factory.mktemp("lessons"), "out": ""}
 
 
-@pytest.mark.parametrize("number", range(1, len(SECTIONS) + 1))
+# the others, each a run or more, in a campaign
+QUICK = (1, 2, 4)
+
+
+@pytest.mark.parametrize(
+    "number", [pytest.param(n, marks=() if n in QUICK else pytest.mark.campaign) for n in range(1, len(SECTIONS) + 1)]
+)
 def test_a_lesson_shows_what_it_says(number, first, capsys, monkeypatch):
     section = SECTIONS[number - 1]
     assert section.startswith(f"{number}. ")

@@ -134,7 +134,7 @@ def test_a_shift_that_is_not_made_is_punished_with_its_reason(currents):
     while not terminated:
         _, reward, terminated, _, info = currents.step(np.array([0.74, 0.0]))
         steps += 1
-    assert steps == 150 and reward == -10.0 and any("p1 did not fall" in why for why in info["reason"])
+    assert steps < 150 and reward == -10.0 and info["reason"].startswith("the rig tripped: trip slip_in_gear_II_clutch_s2")
 
 
 def test_an_interrupted_drive_ends_the_episode():

@@ -122,7 +122,7 @@ def random_settings(rng) -> Alfa46Config:
 
 
 @pytest.mark.parametrize("level", ["duty", "current"])
-@pytest.mark.parametrize("seed, rig", [*((seed, "hydmag") for seed in range(4)), (4, "three_speed"), (5, "three_speed")])
+@pytest.mark.parametrize("seed, rig", [(0, "hydmag"), (1, "hydmag"), (4, "three_speed")])
 def test_any_settings_orders_and_currents_give_the_same_bits(seed, rig, level):
     rng = random.Random(seed)
     settings = replace(load_rig(rig), alfa46=random_settings(rng))

@@ -30,6 +30,7 @@ s;Nm;1/min;Nm;1/min;bar;bar
 """
 # options whose metavar looks like a file or a folder that are for reading
 READ = {("tune", "--spreads"), ("modes", "--detune"), ("replay", "--qos"), ("report", "--limits"), ("export", "--include")}
+READ |= {("faults bench", "--detector")}
 READ |= {("export", "sources"), ("import", "file")}
 # how each verb is called that makes a folder
 FOLDERS = {

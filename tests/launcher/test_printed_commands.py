@@ -15,7 +15,20 @@ from rig_nodes.cli.main import main
 PACKAGE = Path(__file__).parents[2] / "rig_nodes" / "rig_nodes"
 # what is put into a printed command that is no path of a user: names of verbs, devices, rigs' records and numbers
 # and dir of templates, which is replaced by a quoted path
-PLAIN = {"dir", "verb", "look", "what", "device", "controller", "seed", "record.rig", "self.rig", "domain", "domain.number"}
+PLAIN = {
+    "dir",
+    "verb",
+    "look",
+    "what",
+    "device",
+    "controller",
+    "seed",
+    "healthy",
+    "record.rig",
+    "self.rig",
+    "domain",
+    "domain.number",
+}
 LOGGED = "Zeit;Drehmoment Antrieb\ns;Nm\n0,0;1,0\n0,1;1,0\n0,2;2,0\n"
 
 

@@ -87,7 +87,7 @@ def test_its_run_ends_well_and_its_energy_closes(simulated, capsys):
     page = (simulated / "page.html").read_text(encoding="utf-8")
     sections = re.split("<h2>", page)
     assert all(re.search(r"<(td|p|svg)\b", section) for section in sections), "no section is empty"
-    assert "<h2>Plots of the run</h2>" in page and ("Plots of the shifts" in page) == bool(report["shifts"])
+    assert "<h2>The run</h2>" in page and ("<h2>Shifts</h2>" in page) == bool(report["shifts"])
     assert ("<h2>Signals</h2>" in page) == ("signals" in report)
 
 

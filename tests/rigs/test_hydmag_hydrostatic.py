@@ -23,7 +23,7 @@ HEATS = ("heat_leak", "heat_relief", "heat_boost", "heat_friction")
 
 @pytest.fixture(scope="module")
 def config():
-    return load_rig(NAME, {"effects.transducers": "off"})
+    return load_rig(NAME, {"effects.transducers": "off", "trips.watched": "off"})
 
 
 def travelling(config, swivel: float = 0.6, pressure: float = 5e6, seconds: float = 4.0) -> Rig:

@@ -27,7 +27,7 @@ WINDOW = 20  # samples over which a slope is taken
 def oil_at(temperature: str) -> Rig:
     """Returns the rig with its supply up, true values, and oil that keeps a temperature."""
     config = load_rig(DEFAULT_RIG, {"oil_supply.temperature": temperature, "oil_supply.tank_heat_capacity": "0 J/K"})
-    rig = Rig(config.replaced(effects=dataclasses.replace(config.effects, transducers=False)))
+    rig = Rig(config.replaced(effects=dataclasses.replace(config.effects, transducers=False), trips_watched=False))
     rig.set("oil", 4e6, True)
     rig.advance_samples(300)
     return rig

@@ -260,7 +260,7 @@ class _Drawing:
                 last = panel is self.of.panels[-1] or panel.across is not None
                 self._frame(axes, panel, place == places[0], last, axis)
                 self._shade(axes)
-                shown = [_within(one, column) for one in panel.curves if one.column in (None, place)]
+                shown = [_within(one, axis) for one in panel.curves if one.column in (None, place)]
                 self._curves(axes, panel, shown)
                 self._words(axes, panel, shown, (width, self.of.high), place)
             left += width + GUTTER

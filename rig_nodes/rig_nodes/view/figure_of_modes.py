@@ -109,6 +109,8 @@ def _speeds(
     """Return natural frequencies and orders over the speed of the exciting body; where they meet, the speed is named."""
     low, high = speeds[0] / RPM, speeds[1] / RPM
     top = 1.15 * max(natural)
+    if orders and 60.0 * top / min(orders) > low:
+        high = min(high, 60.0 * top / min(orders))  # beyond it no order meets a frequency
     levels = tuple(Level(f, f"{f:.4g} Hz", False) for f in natural)
     curves, rings = [], []
     for n, order in enumerate(orders):

@@ -117,14 +117,15 @@ def looked_at(one: Record, value: float) -> int:
         if one.counts == 0:
             one.counts, one.base = 1, value
         value -= one.base
+    one.value = max(one.value, value) if one.count + one.near_count > 0 else value
     one.near_count = counted(one.near_count, value, one.near, one.near_clear)
     if one.near_count == 0:
         one.warned = one.told = 0
     elif one.near_count > one.delay and one.warned == 0:
-        one.warned, one.value, how = 1, value, WARNED
+        one.warned, how = 1, WARNED
     one.count = counted(one.count, value, one.limit, one.clear)
     if one.count > one.delay:
-        one.latched, one.value, how = 1, value, TRIPPED
+        one.latched, how = 1, TRIPPED
     return how
 
 

@@ -263,7 +263,8 @@ def page_of_faults(result: dict[str, Any]) -> str:
     lines = lines_of_faults(result)
     rates = lines[: lines.index("")]
     apart = [line for line in lines if line.startswith("not told apart")]
-    command = f"./rig faults bench --seed {result['seed']} --healthy {result['healthy']} --json FILE"
+    seed, healthy = result["seed"], result["healthy"]
+    command = f"./rig faults bench --seed {seed} --healthy {healthy} --json FILE"
     head = (
         f"# The baseline detector's scores\n\nMade by `{command}` on {result['runs']} runs of the rig `{result['rig']}`.\n"
         "A rate stands with the sizes that it is of; the smallest size is that, over the usual one, from which on every run was\n"

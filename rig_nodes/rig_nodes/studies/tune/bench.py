@@ -123,11 +123,11 @@ class Bench:
     Parameters
     ----------
     config : RigConfig
-        The rig's configuration; its transducers are switched off here.
+        The rig's configuration; its transducers and trips are switched off here.
     """
 
     def __init__(self, config: RigConfig) -> None:
-        self.config = config.replaced(effects=replace(config.effects, transducers=False))
+        self.config = config.replaced(effects=replace(config.effects, transducers=False), trips_watched=False)
         self.transmission = self.config.transmission
         source, load = (self.config.structure.of_role(role)[0].name for role in (parts.SOURCE, parts.LOAD))
         self._source, self._load = self.config.values(source), self.config.values(load)
