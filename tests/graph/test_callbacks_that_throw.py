@@ -21,6 +21,8 @@ from running_graph import Client, Graph
 from rig_nodes.nodes.processes import supervisor
 from rig_nodes.nodes.processes.child import Child
 
+pytestmark = pytest.mark.against_the_clock
+
 HELPER = "broken_callback"
 FEW = (
     ("container", "create_service rig ~/e_stop"),
