@@ -51,6 +51,7 @@ def peaks(folder, times, pause):
     return peak("simulate", file, "--out", run), peak("report", run), peak("compare", run, run)
 
 
+@pytest.mark.campaign  # 17 s of processor time
 def test_a_run_three_times_as_long_takes_no_more_memory(tmp_path):
     # 2.4 MB for each second more where a bag is in memory as a whole; a clutch's heat alone is 5 kB
     short, long = peaks(tmp_path, 3, 4), peaks(tmp_path, 10, 4)

@@ -172,10 +172,11 @@ def test_every_wire_has_all_outputs(ravigneaux):
 # ---- the templates: each shifts the rig for which it is written, by the commands that are printed
 
 FREE = (pytest.mark.against_the_clock, pytest.mark.campaign)  # tests/controllers has both buses with another rig
-KINDS = ["python", "c", "cpp", "simulink", "fmu", "udp-c", "udp-python", "ros-python"]
+KINDS = ["python", "c", "fmu", "udp-python", "ros-python"]  # and, in the same languages, in a campaign:
+MORE = [pytest.param(kind, marks=pytest.mark.campaign) for kind in ("cpp", "simulink", "udp-c")]
 
 
-@pytest.mark.parametrize("kind", [*KINDS, pytest.param("can", marks=FREE), pytest.param("modbus", marks=FREE)])
+@pytest.mark.parametrize("kind", [*KINDS, *MORE, pytest.param("can", marks=FREE), pytest.param("modbus", marks=FREE)])
 def test_a_template_shifts_it(kind, ravigneaux, tmp_path, monkeypatch, capsys, ros_domain, on_own_port):
     if kind == "can" and (why := multicast_works()):
         pytest.skip(why)
