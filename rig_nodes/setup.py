@@ -29,7 +29,7 @@ EXTRAS = {
     "learn": ["gymnasium"],
     "sweep": ["dask", "distributed", "optuna"],
     "docs": ["sphinx", "myst-parser", "furo", "sphinx-copybutton"],
-    "test": ["pytest", "mcap-ros2-support"],
+    "test": ["pytest", "mcap-ros2-support", "can-j1939"],
 }
 
 setup(

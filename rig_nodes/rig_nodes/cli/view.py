@@ -30,9 +30,7 @@ LOST = 3  # exit code: shown, but the bag is damaged or was cut off
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument(
-        "run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file; or the folder of a procedure or a sweep"
-    )
+    parser.add_argument("run", metavar="RUN", nargs="?", help="folder of a run, or its .mcap file")
     parser.add_argument(
         "--no-open", action="store_true", help="only write view.rrd; with --live: open no viewer, only print the address"
     )

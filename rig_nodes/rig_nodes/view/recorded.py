@@ -85,7 +85,7 @@ class Envelope:
     def swing(self) -> np.ndarray:
         """Height (BINS,) of the band; 0 without a sample."""
         low, high = self.band
-        return np.where(self.filled, high - np.where(self.filled, low, high), 0.0)
+        return np.subtract(high, low, out=np.zeros(len(low)), where=self.filled)
 
 
 def envelopes_of(path: str | Path, pages: Pages, names: Collection[str], span: tuple[float, float]) -> dict[str, Envelope]:
