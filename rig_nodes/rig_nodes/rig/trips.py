@@ -15,6 +15,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 from ..base import SWITCH, Map, RigError, brief, check_keys, quantity, shown_in, unknown, where_of
+from ..plant import ERRATIC, OPEN, SHORT, STUCK
 from ..plant import part as parts
 from .driveline import bodies_shown
 from .quantities import QUANTITIES
@@ -35,8 +36,8 @@ WARNING = 0.9  # assumed: share of a limit at which a warning is given
 FIRST_SPN = 520_192  # of the suspect parameters that SAE J1939 leaves to a manufacturer, 520 192 to 524 287
 MOST_DELAY = 60.0  # s
 MOST_TIMES = 1e3  # by which a limit can be more than the one that follows from the rig
-# failure mode identifiers of SAE J1939-73
-TOO_HIGH, TOO_LOW, ERRATIC, ABOVE_RANGE, OPEN, SHORTED, NOT_RESPONDING = 0, 1, 2, 3, 5, 6, 7
+# failure mode identifiers of SAE J1939-73 that no fault has
+TOO_HIGH, TOO_LOW, ABOVE_RANGE = 0, 1, 3
 GEAR, SHIFTING, MEASURED = "gear", "shifting", "@"  # what the controller reports; before the name of what a transducer shows
 
 
@@ -342,7 +343,7 @@ def _valve(config: RigConfig, valve: Device) -> Iterator[Trip]:
     expected, shown = (f"{valve.name}.duty", values.coil_voltage / values.coil_resistance), (f"{MEASURED}{current}", 1.0)
     for what, fmi, sign, text in (
         ("open", OPEN, 1.0, "less than its voltage drives"),
-        ("short", SHORTED, -1.0, "more than its voltage drives"),
+        ("short", SHORT, -1.0, "more than its voltage drives"),
     ):
         watched = Sum(
             f"current of {valve.called} {text}",
@@ -394,7 +395,7 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
         clamped = Condition(_pressure(config, packs[a]), True, CLAMPED, f"{packs[a].called} is clamped")
         watched = Sum(f"surface pressure of {packs[b].called} beside {packs[a].called}", _pressure(config, packs[b]).terms)
         source = "assumed: a twentieth of what linings bear, and longer than any overlap of a shift"
-        yield Trip(f"tie_up_{a}_{b}", watched, "pressure", CLAMPED, source, NOT_RESPONDING, 1.0, True, (clamped, turns))
+        yield Trip(f"tie_up_{a}_{b}", watched, "pressure", CLAMPED, source, STUCK, 1.0, True, (clamped, turns))
     for number, gear in enumerate(structure.gears, 1):
         is_in = Condition(Sum("gear", ((GEAR, 1.0), (SHIFTING, -0.5))), True, number - 0.25, f"gear {gear.name} is engaged")
         not_above = Condition(Sum("gear", ((GEAR, 1.0),)), False, number + 0.25, "")
@@ -402,7 +403,7 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
         engaged = (is_in, replace(not_above, text=is_in.text))
         for clutch in held:
             name, source = f"{gear.name}_{clutch.name}", "assumed: a tenth of a usual speed, for longer than a shift"
-            yield Trip(f"slip_in_gear_{name}", _slip(clutch), "angular velocity", 10.0, source, NOT_RESPONDING, 1.0, True, engaged)
+            yield Trip(f"slip_in_gear_{name}", _slip(clutch), "angular velocity", 10.0, source, STUCK, 1.0, True, engaged)
             source = "assumed: half of that from which on plates count as clamped"
             yield Trip(
                 f"not_reached_{name}",
@@ -410,7 +411,7 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
                 "pressure",
                 0.5 * CLAMPED,
                 source,
-                NOT_RESPONDING,
+                STUCK,
                 1.0,
                 False,
                 (*engaged, turns),
