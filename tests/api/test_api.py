@@ -22,6 +22,7 @@ import rig_nodes
 from rig_nodes.analysis import put_loops
 from rig_nodes.api import swept
 from rig_nodes.bags import canonical_hash
+from rig_nodes.base import load_yaml
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerOutputs
 from rig_nodes.runs import Lost
@@ -92,9 +93,11 @@ def test_settings_are_texts_or_si_numbers_nested_or_with_dots(rig):
         (lambda: rig_nodes.load("hydmag").simulate("demo", seed=-1), "seed is -1, expected a whole number from 0 to 2^63 - 1"),
         (lambda: rig_nodes.open(None), "path is None, expected that of a run's folder, a bag or a logger's file"),
         (
-            lambda: rig_nodes.sweep("hydmag", FIRST, {"load": "1 Nm"}),
-            "a sweep takes the name of a sequence or its file; write steps",
+            lambda: rig_nodes.sweep("hydmag", FIRST, {"load": "1 Nm"}, folder="kept"),
+            "folder is kept: a sweep that is kept takes a sequence's name or file; write the steps to one",
         ),
+        (lambda: rig_nodes.sweep("hydmag", [{"wait": {"four": "1 s"}}], {"load": "1 Nm"}), "step:1: unknown key 'four' in wait"),
+        (lambda: rig_nodes.load("hydmag").modes("III"), "--gear III: there is no gear 'III'"),
         (lambda: rig_nodes.sweep("hydmag", "demo", {}), "a sweep needs something to vary: by the name of each parameter"),
         (lambda: rig_nodes.open("nowhere"), "nowhere: there is no such file or folder"),
         (lambda: rig_nodes.sweep("hydmag", "demo", {"alfa46.t12": "1 MPa, 2 MPa"}), "vary alfa46.t12"),
@@ -134,6 +137,20 @@ def test_runs_are_compared_by_their_folders_and_by_known_ways_only(run, tmp_path
     assert run.compare(str(other)).metrics[0]["difference"] == 0.0
     with pytest.raises(rig_nodes.RigError, match="alignment by 'order': expected by 'events' or 'correlation'"):
         run.compare(run, by="order")
+
+
+def test_steps_are_swept_as_a_file_with_them_is(tmp_path):
+    steps, vary = load_yaml(SHORT), {"rest": ["50 ms", "60 ms"]}
+    one, other = rig_nodes.sweep("hydmag", steps, vary), rig_nodes.sweep("hydmag", SHORT, vary)
+    assert one["t_c_s"].tolist() == other["t_c_s"].tolist() and len(one) == 2
+
+
+def test_modes_are_those_of_the_command_line(capsys):
+    table = rig_nodes.load("ural2").modes()
+    assert main(["modes", "ural2", "--json", "-"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert table["frequency_hz"].tolist() == printed["frequencies_hz"] and table[0]["damping"] == printed["damping"][0]
+    assert [table[k][body] for k in (0, 1) for body in printed["bodies"]] == [x for row in printed["shapes"][:2] for x in row]
 
 
 @pytest.mark.parametrize("how", ["stdin", "script"])

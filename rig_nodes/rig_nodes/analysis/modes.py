@@ -168,6 +168,11 @@ def found_in(system: System, state: State) -> Found:
     return Found(state, modes(system, state.locked), sensitivities(system, state.locked))
 
 
+def sizes(found: Modes) -> np.ndarray:
+    """Return the amplitudes (k, b) of the shapes, negative where a body turns against the others; phases are left out."""
+    return np.abs(found.shapes) * np.where(np.real(found.shapes) < 0.0, -1.0, 1.0)
+
+
 def exciting_body(config: RigConfig, name: str | None) -> str:
     """Return the body by whose speed orders count.
 

@@ -11,13 +11,14 @@ from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..analysis import write_report
+from ..analysis import modes, write_report
 from ..base import STARTING, RigError, brief, shown_in, waiting
 from ..controllers import IN_PROCESS, load_controller
 from ..rig import POINT, RigConfig, driveline_svg, load_rig, with_overrides
 from ..runs import Ordered, Session, check_controller, check_level, load_sequence, sequence_of
 from .run import Run
 from .simulated import simulated
+from .table import Table
 from .temporary import Temporary
 
 if TYPE_CHECKING:
@@ -207,6 +208,40 @@ class Rig:
             chosen = () if plug is None else (plug, level, delay)
         with waiting(STARTING):
             return Session(self.config, seed, *chosen)
+
+    def modes(self, gear: str | None = None, locked: Sequence[str] | None = None) -> Table:
+        """Return the natural frequencies and shapes of the driveline, as `rig modes`.
+
+        Parameters
+        ----------
+        gear : str, optional
+            The gear whose clutches are locked, or ``"neutral"``; by default the first.
+        locked : sequence of str, optional
+            In its place the clutches, brakes and free-wheels that are locked; none for all open.
+
+        Returns
+        -------
+        Table
+            A row for each mode, slowest first: ``frequency_hz`` undamped, ``damping`` as a share of the critical one, and under
+            each body's name its amplitude, of which the largest is 1; negative where it turns against the others.
+
+        Raises
+        ------
+        RigError
+            When there is no such gear or clutch, or both are given.
+
+        Examples
+        --------
+        >>> modes = rig_nodes.load("ural2").modes()
+        >>> modes.units["frequency_hz"], bool(modes["frequency_hz"][-1] > 10.0)
+        ('Hz', True)
+        """
+        state = modes.chosen_state(self.config, gear, locked)
+        found = modes.found_in(modes.system_of(self.config), state).modes
+        units = {"frequency_hz": "Hz", "damping": "", **dict.fromkeys(found.bodies, "")}
+        shapes = modes.sizes(found)
+        rows = zip(found.frequencies.tolist(), found.damping.tolist(), *shapes.T.tolist())
+        return Table(units, [dict(zip(units, row)) for row in rows])
 
     @property
     def gears(self) -> dict[str, float]:

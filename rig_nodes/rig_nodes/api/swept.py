@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..analysis import SHORT, loop_columns, named_metrics
 from ..base import SI, STARTING, UNITS, RigError, brief, waiting
-from ..runs import Workers
+from ..runs import Workers, sequence_of
 from ..studies import Plan, Store, Varied, make_plan, manifest_of, rows_of, run_sweep
 from .rig import Rig, load
 from .table import GEARS, Table, column_unit
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 def sweep(
     rig: Rig | str,
-    sequence: str | Path,
+    sequence: str | Path | Sequence[Mapping] | Mapping,
     vary: Mapping[str, str | Sequence],
     *,
     samples: int | None = None,
@@ -41,8 +42,9 @@ def sweep(
     ----------
     rig : Rig or str
         The rig, whose settings all members share.
-    sequence : str or Path
-        Name of a sequence, or its file; steps are written to a file first.
+    sequence : str, Path, list of dict or dict
+        Name of a sequence, its file, or its steps as of :meth:`Rig.simulate`; steps only without ``folder``, as who goes on
+        with a sweep needs them in a file.
     vary : mapping
         By the name of a parameter or setting the values that it takes: a list of texts with units, of a setting also
         of numbers in SI, or a text as after ``--vary``: ``"20 Nm .. 100 Nm in 5"``, ``"-250 ms .. -150 ms step 10 ms"``.
@@ -76,20 +78,28 @@ def sweep(
     """
     if not isinstance(jobs, int) or jobs < 1:
         raise RigError(f"jobs is {brief(jobs)}, expected a whole number of at least 1")
-    if not isinstance(sequence, str | Path):
-        raise RigError("a sweep takes the name of a sequence or its file; write steps to a YAML file, under description and steps")
     rig = rig if isinstance(rig, Rig) else load(rig)
+    steps = not isinstance(sequence, str | Path)
+    if steps and folder is not None:
+        raise RigError(f"folder is {folder}: a sweep that is kept takes a sequence's name or file; write the steps to one")
     given = {name: spec if isinstance(spec, str) else [rig.text_of(name, one) for one in spec] for name, spec in vary.items()}
-    draft = Plan(str(sequence), rig.source, samples=samples, repeats=repeats, seed=seed, fixed=rig.settings)
-    plan = make_plan(draft, given, {name: f"vary {name}" for name in given})
     with contextlib.ExitStack() as stack:
-        place = Path(folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-sweep-")))
+        own = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-sweep-")))
+        what = _written(own / "steps.yaml", sequence, rig) if steps else str(sequence)
+        draft = Plan(what, rig.source, samples=samples, repeats=repeats, seed=seed, fixed=rig.settings)
+        plan = make_plan(draft, given, {name: f"vary {name}" for name in given})
+        place = Path(folder or own / "sweep")
         store = stack.enter_context(Store(place, manifest_of(plan, False)))
         starting = stack.enter_context(contextlib.ExitStack())
         starting.enter_context(waiting(STARTING))
         stream = _one_by_one if jobs == 1 else stack.enter_context(Workers(jobs)).stream
         run_sweep(plan, store, stream, lambda _done, _entry: starting.close())
         entries = sorted(store.entries(), key=lambda entry: entry["member"])
+    return _table(plan, rig, entries)
+
+
+def _table(plan: Plan, rig: Rig, entries: list[dict]) -> Table:
+    """Return what is recorded of finished members, a row for each shift."""
     rows = [row for entry in entries for row in rows_of(plan, entry)]
     box = rig.config.transmission if rig.config.structure.gears else None
     figures = partial(_figures, plan, [dict(row) for row in rows], box) if box else None
@@ -104,6 +114,14 @@ def sweep(
     shown = ["member", *varied, "shift", "from_gear", "to_gear", *(one.key for one in named_metrics(SHORT)), "valid", "end"]
     columns = dict.fromkeys(key for row in rows for key in row)
     return Table({name: units.get(name, column_unit(name)) for name in columns}, rows, shown, figures)
+
+
+def _written(path: Path, steps: Any, rig: Rig) -> str:
+    """Write steps to a sequence's file and return its path; RigError when they are none."""
+    sequence_of(steps, {}, rig.config, rig.source)
+    content = steps if isinstance(steps, Mapping) else {"steps": list(steps)}
+    path.write_text(json.dumps({"description": "steps given in Python", **content}, default=str), encoding="utf-8")
+    return str(path)
 
 
 def _figures(plan: Plan, rows: list[dict], box: Transmission) -> list[Description]:

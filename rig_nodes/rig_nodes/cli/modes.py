@@ -295,14 +295,15 @@ def _set_line(found: Detuned, config: RigConfig) -> str:
 def _json_of(found: Found) -> dict[str, Any]:
     import numpy as np
 
+    from ..analysis import modes as analysis
+
     modes, those = found.modes, found.sensitivities
-    sizes = np.abs(modes.shapes) * np.where(np.real(modes.shapes) < 0.0, -1.0, 1.0)
     return {
         "frequencies_hz": modes.frequencies,
         "frequencies_per_s": 2.0 * math.pi * modes.frequencies,
         "damping": modes.damping,
         "bodies": modes.bodies,
-        "shapes": sizes,
+        "shapes": analysis.sizes(modes),
         "phases_deg": np.degrees(np.angle(modes.shapes)),
         "sensitivities": {
             **{f"{body}.inertia": those.inertia[:, k] for k, body in enumerate(those.bodies)},
