@@ -25,6 +25,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "how_to"
 
 PYTHONS = ("python3", ".venv/bin/python")
 OWN_CLOCK = ("can", "modbus")  # programs that are not started with a run
+AS_C = ("cpp", "simulink", "udp-c")  # compiled in every run of the tests, and run as a whole in a campaign, as c is in each
 
 
 REAL_TIME = pytest.mark.against_the_clock
@@ -36,7 +37,11 @@ REAL_TIME = pytest.mark.against_the_clock
         # the check of a program's steps takes their time, or the time of the wall, which tests against the clock have alone
         *(pytest.param(kind, False, marks=REAL_TIME, id=kind) for kind in OWN_CLOCK),
         *(pytest.param(kind, True, marks=[REAL_TIME, pytest.mark.campaign], id=f"{kind} with its check") for kind in OWN_CLOCK),
-        *(pytest.param(kind, "-python" not in kind, id=kind) for kind in TEMPLATES if kind not in OWN_CLOCK),
+        *(
+            pytest.param(kind, "-python" not in kind, id=kind, marks=pytest.mark.campaign if kind in AS_C else ())
+            for kind in TEMPLATES
+            if kind not in OWN_CLOCK
+        ),
     ],
 )
 def test_it_shifts_by_the_commands_that_are_printed(kind, checks, tmp_path, monkeypatch, capsys, request, on_own_port):

@@ -141,7 +141,9 @@ def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys,
 
 # The set measures how long a step takes.
 @pytest.mark.against_the_clock
-@pytest.mark.parametrize("kind", ["c", "python", "udp-python", pytest.param("ros-python", marks=pytest.mark.campaign)])
+@pytest.mark.parametrize(
+    "kind", ["c", *(pytest.param(kind, marks=pytest.mark.campaign) for kind in ("python", "udp-python", "ros-python"))]
+)
 def test_a_controller_for_it_passes_the_conformance_set(kind, tmp_path, monkeypatch, capsys, ros_domain, programs, on_own_port):
     monkeypatch.chdir(tmp_path)
     for command in printed(kind, capsys, on_own_port):
