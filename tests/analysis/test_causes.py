@@ -10,7 +10,7 @@ import re
 import pytest
 from synthetic_shift import Shift
 
-from rig_nodes.analysis.causes import cause
+from rig_nodes.analysis.causes import cause, cause_of_time
 from rig_nodes.analysis.clutch_torques import put_torques
 from rig_nodes.analysis.run_report import recording_of
 from rig_nodes.analysis.shift import shifts
@@ -31,7 +31,7 @@ def row():
     ("which", "releasing", "engaging", "words"),
     [
         ("high", -5.0, 255.0, "S2 carries 255 Nm as it slips, and the load requires 78 Nm: let p2 rise more slowly"),
-        ("high", -20.0, 270.0, "S2 carries 270 Nm as it slips against 20 Nm of S1"),
+        ("high", -20.0, 270.0, "S2 carries 270 Nm as it slips, S1 brakes with 20 Nm, and the load requires 78 Nm: let"),
         ("high", -200.0, 450.0, "release S1 earlier and let p2 rise more slowly"),
         ("high", -300.0, 550.0, "S1 carries -300 Nm and S2 550 Nm, a tie-up: release S1 earlier or engage S2 later"),
         ("high", 250.0, 0.0, ""),
@@ -57,8 +57,22 @@ def test_each_state_of_the_clutches_has_its_cause(row, which, releasing, engagin
 
 def test_a_torque_within_its_error_is_no_cause(row):
     unsure = {"releasing": -60.0, "engaging": 310.0, "error": 67.0}
-    assert "against" not in cause(row | {"torques": {"high": unsure}}, BOX, "high")
+    assert "brakes" not in cause(row | {"torques": {"high": unsure}}, BOX, "high")
     assert cause(row | {"torques": {"high": None}}, BOX, "high") == "" == cause(row | {"torques": None}, BOX, "high")
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ((0.5, 0.63, 0.0, 0.1), "S1 holds for 130 ms after S2 has begun to carry, a tie-up: release S1 earlier"),
+        ((0.6, 0.45, 0.15, -0.2), "for 150 ms no clutch carries the load: engage S2 earlier or release S1 later"),
+        ((0.5, 0.53, 0.0, 0.1), ""),  # 30 ms less would still be too late
+        ((0.5, 0.63, 0.0, -0.1), ""),  # S1 could not hold
+    ],
+)
+def test_what_made_a_shift_late_is_what_would_have_brought_it_in_time(row, parts, words):
+    times = dict(zip(("kiss_s", "departure_s", "interrupted_s", "overlap_s"), parts))
+    assert cause_of_time(row | times | {"t_c_s": 0.8}, BOX, 0.725) == words
 
 
 def test_in_a_change_of_direction_torques_of_one_sign_are_the_tie_up(row):

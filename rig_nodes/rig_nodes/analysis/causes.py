@@ -16,6 +16,7 @@ from .course import LEAST_TORQUE, asked_of_input
 
 LOCKED = 2e-3  # s after lock-up from which the gear counts as engaged
 TIED = 0.25  # share of the engaging clutch's torque from which that of the releasing one, which opposes it, is part of a cause
+LEAST_TIME = 0.02  # s from which a part of a shift is a cause of its length
 SWING = 0.3  # s after lock-up within which the course of the torque is still that of the shift
 
 
@@ -55,13 +56,31 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
     if row["t_c_s"] is not None and at > row["t_c_s"] + LOCKED:
         return _swing(row, at, moved.engaging, new)
     if engaging > max(releasing, asked):
-        against = f" against {abs(releasing):.0f} Nm of {old}" if opposed else ""
+        against = f", {old} brakes with {abs(releasing):.0f} Nm" if opposed else ""
         late = f"release {old} earlier and " if opposed and abs(releasing) > TIED * engaging else ""
         return (
             f"{new} carries {engaging:.0f} Nm as it slips{against}, and the load requires {asked:.0f} Nm: "
             f"{late}{_softer(moved.engaging, new)}"
         )
     return ""
+
+
+def cause_of_time(row: Mapping, box: Transmission, limit: float) -> str:
+    """Return why a shift took longer than a limit [s], with the remedy; empty where neither clutch alone decides it.
+
+    A cause is what would have brought lock-up within the limit: the time for which the old gear holds the output after the new
+    clutch has begun to carry, or that for which no clutch carries the load.
+    """
+    moved = box.shift(row["from_gear"], row["to_gear"])
+    old, new = _named(moved.releasing, "the old gear"), _named(moved.engaging, "the new gear")
+    kiss, left, none = row.get("kiss_s"), row.get("departure_s"), row.get("interrupted_s") or 0.0
+    held = left - kiss if kiss is not None and left is not None and (row.get("overlap_s") or 0.0) > 0.0 else 0.0
+    longest = max(held, none)
+    if longest < LEAST_TIME or row["t_c_s"] - longest > limit:
+        return ""
+    if held > none:
+        return f"{old} holds for {1e3 * held:.0f} ms after {new} has begun to carry, a tie-up: release {old} earlier"
+    return f"for {1e3 * none:.0f} ms no clutch carries the load: engage {new} earlier or release {old} later"
 
 
 def _cause_of_low(row: Mapping, box: Transmission, carried: tuple[float, float], clear: float, moved: Shift) -> str:

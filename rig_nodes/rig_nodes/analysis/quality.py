@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..rig import Transmission
-from .causes import cause
+from .causes import cause, cause_of_time
 from .course import LEAST_TORQUE, asked_of_input
 from .definitions import RPM, STANDSTILL
 
@@ -64,7 +64,8 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
         slow = _slowest(row)
         if row["t_c_s"] > slow and not box.turns_round(row["from_gear"], row["to_gear"]):
             grade = POOR if row["t_c_s"] > UNTUNED else FAIR
-            reasons.append((grade, f"it took {row['t_c_s']:.3f} s from the order, over {UNTUNED if grade == POOR else slow:g} s"))
+            text = f"it took {row['t_c_s']:.3f} s from the order, over {UNTUNED if grade == POOR else slow:g} s"
+            reasons.append((grade, text + _because(cause_of_time(row, box, slow))))
     if row.get("in_gear") is not False:  # what no gear drove before, the shift does not interrupt; nor is its torque a load's
         reasons += [*_of_speed(row, box), *_of_torque(row, box)]
     worst = max((GRADES.index(grade) for grade, _ in reasons), default=0)

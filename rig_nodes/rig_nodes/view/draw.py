@@ -137,7 +137,11 @@ class _Drawing:
         each = strip + panels * self.pitch - BETWEEN - TITLE * self.titled + AXIS - own
         places = range(len(description.columns))
         blocks = [[place] for place in places] if self.stacked else [list(places)]
-        known = WIDE.join(_kept(f"{one.sign} {one.text}") for one in description.moments if one.sign and one.text)
+        keys = [f"{one.sign} {one.text}" for one in description.moments if one.sign and one.text]
+        keys += [
+            f"▨ {one.texts[0]}" for one in description.stretches if one.kind == INTERRUPTED and one.texts
+        ]  # short in the strip
+        known = WIDE.join(map(_kept, keys))
         signs = self._wrapped(known, 8)
         rows = -(-len(description.numbers) // self._abreast)
         self.height = head + len(blocks) * each + RESULT * rows + (16 * len(signs) + 8 if signs else 0)

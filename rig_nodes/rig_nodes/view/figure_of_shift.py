@@ -81,7 +81,7 @@ GRID = 0.05  # ms by which rounding may move a sample
 # results at the foot: key and words
 NUMBERS = {
     "t_c_s": "order to lock-up t_c",
-    "t_p_s": "inertia phase t_p",
+    "t_p_s": "change of speed t_p",
     "t_o_s": "settling t_o",
     "input_torque_high_nm": "input torque, highest",
     "input_torque_low_nm": "input torque, lowest",
@@ -167,11 +167,12 @@ def marks_of(row: Mapping, box: Transmission) -> list[Moment]:
     }
     ends = {one.name: one.end for one in times_of(row)}
     known = moments_of(row) | ({"settled": ends["t_o"]} if "t_o" in ends else {})
-    return [
+    found = [
         Moment(1e3 * (known[name] - row["t_order_s"]), sign, text)
         for sign, (name, text) in zip(SIGNS, words.items())
         if name in known
     ]
+    return sorted(found, key=lambda one: one.t)  # as they stand in the strip
 
 
 @dataclass(frozen=True)
@@ -437,7 +438,8 @@ class _Shift:
         if released and tied and abs(worst) < TIED * max(map(abs, tied)):
             return []
         word = f"tie-up: {clutch.name} still brakes" if released else f"{clutch.name} brakes"
-        return [Hatch(own.t[part], np.where(sign * own.y[part] < 0.0, own.y[part], 0.0), f"{word}, {worst:.0f} Nm")]
+        text = f"{word} with up to {abs(worst):.0f} Nm"
+        return [Hatch(own.t[part], np.where(sign * own.y[part] < 0.0, own.y[part], 0.0), text)]
 
     def shaft_torques(self) -> Panel:
         box, row = self.box, self.row

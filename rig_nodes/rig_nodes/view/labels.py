@@ -14,6 +14,7 @@ import numpy as np
 
 ROOM = 3  # pixels between a label and what it must not touch
 EXTREME = 4  # pixels around the extreme of a curve
+STRUCK = 4  # cost of a pixel of a straight line under a label, which it strikes through, by that of a curve
 FAR = 0.1  # cost of a pixel from the best place, by that of a pixel of a curve under the label
 
 
@@ -22,7 +23,7 @@ class Labels:
 
     def __init__(self, width: float, height: float) -> None:
         self.width, self.height = int(width), int(height)
-        self._soft = np.zeros((self.height, self.width), dtype=bool)
+        self._soft = np.zeros((self.height, self.width), dtype=np.int8)
         self._hard = np.zeros((self.height, self.width), dtype=bool)
         self._sums: list[np.ndarray] | None = None
 
@@ -60,7 +61,7 @@ class Labels:
     def line(self, left: float, low: float, right: float, high: float) -> None:
         """Add a horizontal or a vertical line."""
         rows, columns = slice(max(0, int(low) - 1), max(0, int(high) + 2)), slice(max(0, int(left) - 1), max(0, int(right) + 2))
-        self._soft[rows, columns] = True
+        self._soft[rows, columns] = STRUCK
         self._sums = None
 
     def leader(self, start: np.ndarray, end: tuple[float, float]) -> None:
@@ -68,7 +69,7 @@ class Labels:
         share = np.linspace(0.0, 1.0, self.width)[:, None]
         x, y = np.rint(np.asarray(start) + share * (np.asarray(end) - start)).astype(int).T
         inside = (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
-        self._soft[y[inside], x[inside]] = True
+        self._soft[y[inside], x[inside]] |= 1
         self._sums = None
 
     def keep_free(self, left: float, low: float, right: float, high: float) -> None:
