@@ -3,8 +3,14 @@
 
 """Settings of the site that ``./rig docs`` builds with Sphinx from the pages beside this file."""
 
+from __future__ import annotations
+
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -26,3 +32,14 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 autodoc_typehints = "none"  # the docstrings give types with shapes and units
 autodoc_member_order = "bysource"
+
+
+def setup(app: Sphinx) -> None:
+    """Put what the theme and Sphinx leave to a keyboard and a screen reader on each page, behind the theme's own handler."""
+    app.connect("html-page-context", _accessible, priority=900)
+
+
+def _accessible(_app: Sphinx, _page: str, _template: str, context: dict, _doctree: object) -> None:
+    tree = context.get("furo_navigation_tree") or ""
+    context["furo_navigation_tree"] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
+    context["body"] = context.get("body", "").replace("<pre>", '<pre tabindex="0">')  # wide ones are scrolled by keys
