@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rig_nodes.base import njit, rig_folders
-from rig_nodes.plant import TRIPPED, World
+from rig_nodes.plant import ALL, TRIPPED, World
 from rig_nodes.plant.engine.watch import watched
 from rig_nodes.rig import GEAR, load_rig
 from rig_nodes.runs import plan_of
@@ -25,6 +25,26 @@ def look(watch, numbers, row, samples):
     return NOT_YET
 
 
+@njit(cache=True)
+def both_look(quick, thorough, numbers, row, walk, said):
+    """Look at a walk of numbers twice, once with every trip looked at in each sample; return the first sample that differs."""
+    for sample in range(len(walk)):
+        numbers[:] = walk[sample, : len(numbers)]
+        row[:] = walk[sample, len(numbers) :]
+        quick.said[:2] = thorough.said[:2] = said[sample]
+        thorough.witness[:], thorough.counting[0] = ALL, len(thorough.witness)
+        for k in range(len(thorough.witness)):
+            thorough.counting[k + 1] = k
+        same = watched(quick, numbers, row) == watched(thorough, numbers, row)
+        for k in range(len(quick.trips)):
+            one, other = quick.trips[k], thorough.trips[k]
+            same &= one.count == other.count and one.near_count == other.near_count and one.latched == other.latched
+            same &= one.counts == other.counts and one.warned == other.warned and (one.counts == 0 or one.base == other.base)
+        if not same:
+            return sample
+    return NOT_YET
+
+
 class Made:
     """One trip of a rig on numbers that are made: the least ones that give its quantity and fulfil its conditions."""
 
@@ -37,7 +57,8 @@ class Made:
         """Make the trip's quantity a value [SI], and its conditions true or all of them false."""
         watch = self.one.arrays
         sums = [int(watch.trips["sum"][0]), *watch.conditions.tolist()]
-        wanted = [value if self.trip.above else -value]
+        way = watch.trips["way"][0]
+        wanted = [way * (value if self.trip.above else -value)]
         for each in self.trip.enabled:
             apart = 0.25 if any(name == GEAR for name, _ in each.sum.terms) else each.threshold
             wanted.append(each.threshold + apart * (1 if each.above == fulfilled else -1))
@@ -121,6 +142,25 @@ def test_a_warning_comes_before_the_trip_once_until_it_is_over(made):
         each.hold(0.95 * trip.limit)
         each.look(each.samples + 1)
         assert len(each.one.warnings(2.0)) == 1, trip.name
+
+
+@pytest.mark.parametrize("rig", list(rig_folders()))
+def test_trips_that_are_ruled_out_are_those_of_which_nothing_is_true(rig):
+    """Numbers wander across all limits and conditions, and the controller changes gear now and then."""
+    config = load_rig(rig)
+    world = World(plan_of(config).plan)
+    quick, thorough = Watched(config.trips, world), Watched(config.trips, world)
+    random, count = np.random.default_rng(7), len(world.numbers)
+    arrays, scale = quick.arrays, np.ones(count + len(world.plan.channels))
+    limits = [(one["sum"], one["limit"]) for one in arrays.trips] + list(zip(arrays.conditions, arrays.thresholds[1]))
+    for number, limit in limits:
+        for term in range(arrays.first[number], arrays.first[number + 1]):
+            if arrays.places[term] >= 0:
+                scale[arrays.places[term]] = max(1e-3, abs(limit / arrays.weights[term]))
+    walk = scale * np.cumsum(random.normal(size=(4000, len(scale))), axis=0) / 40.0
+    said = np.stack([random.integers(0, 3, 4000 // 50).repeat(50), random.integers(0, 2, 4000 // 25).repeat(25)], axis=1)
+    numbers, row = np.zeros(count), np.zeros(len(world.plan.channels))
+    assert both_look(quick.arrays, thorough.arrays, numbers, row, walk, said.astype(float)) == NOT_YET
 
 
 def test_every_trip_has_a_number_of_its_own_and_a_source(made):

@@ -446,7 +446,7 @@ class Rig(CommandedRig, ShownState):
     def _arrays(self) -> tuple[np.ndarray, ...]:
         """Everything that a step or a setting changes, without the rings."""
         law_of = (self._law_config, self._law_profiles, self._law_outputs, self._law_state)
-        watch = (self.watched.arrays.trips, self.watched.arrays.first_look, self.watched.arrays.said)
+        watch = (self.watched.arrays.trips, self.watched.arrays.said)
         return (self.world.record, *law_of, self._duty, self._setpoint, *self.gauges.moved, *watch)
 
     def _places(self) -> list[int]:
@@ -494,6 +494,7 @@ class Rig(CommandedRig, ShownState):
         for one, value in zip(self._arrays(), arrays):
             one[...] = value
         self._log[self._places()] = rows
+        self.watched.look_anew()
         self.gauges.on, self.gauges.changes = snapshot.noise
         self.cuts.restore(snapshot.cuts)
         self._drained = 0

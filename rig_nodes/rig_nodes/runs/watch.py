@@ -9,20 +9,17 @@ runs.rig_base owns one; plant.engine.watch looks at the arrays after every contr
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..base import SAMPLE, RigError
-from ..plant import TRIP, Watch, World
+from ..plant import ALL, BOTH_INSIDE, BOTH_SHOWN, INSIDE, ONE_SHOWN, OTHER, REPORTED, SHOWN, TRIP, Watch, World
 from ..rig import GEAR, HYSTERESIS, MEASURED, SHIFTING, Sum, Trip
 
 _SAID = {GEAR: -1, SHIFTING: -2}  # places of what the controller reports
-
-
-def _is_measured(trip: Trip) -> bool:
-    """Return whether a trip's quantity is what a transducer shows."""
-    return any(name.startswith(MEASURED) for name, _ in trip.quantity.terms)
+_Terms = tuple[tuple[int, float], ...]
 
 
 class Watched:
@@ -47,58 +44,63 @@ class Watched:
     """
 
     def __init__(self, trips: Sequence[Trip], world: World) -> None:
-        self._world, self._channels = world, list(world.plan.channels)
-        self.trips = tuple(sorted(trips, key=_is_measured))
-        self._sums: list[tuple[list[tuple[int, float]], bool]] = []
-        records, conditions = np.zeros(len(self.trips), TRIP), []
-        look, places = np.zeros((len(self.trips), 4)), np.zeros((len(self.trips), 2), np.uint64)
-        for k, (one, trip) in enumerate(zip(records, self.trips)):
+        self._world, self._channels, self.trips = world, list(world.plan.channels), tuple(trips)
+        used = [self._sum(one) for trip in trips for one in (trip.quantity, *(each.sum for each in trip.enabled))]
+        sums = sorted(dict.fromkeys(key for key, _ in used), key=self._kind)
+        numbers, signed = {key: number for number, key in enumerate(sums)}, iter(used)
+        records, conditions = np.zeros(len(trips), TRIP), []
+        for one, trip in zip(records, trips):
+            key, sign = next(signed)
             way = 1.0 if trip.above else -1.0
-            one["sum"], one["delay"] = self._sum(trip.quantity, way), round(trip.delay / SAMPLE)
+            one["sum"], one["way"], one["delay"] = numbers[key], sign * way, round(trip.delay / SAMPLE)
             one["limit"], one["clear"] = way * trip.limit, way * trip.clear
             one["near"] = one["near_clear"] = math.inf
             if trip.warning is not None:
                 one["near"], one["near_clear"] = trip.warning, trip.warning * (1.0 - HYSTERESIS)
             one["rises"], one["begin"] = trip.rises, len(conditions)
-            conditions += [(self._sum(each.sum, 1.0), 1.0 if each.above else -1.0, each.threshold) for each in trip.enabled]
+            for each, (key, sign) in zip(trip.enabled, signed):
+                way = 1.0 if each.above else -1.0
+                conditions.append((numbers[key], sign * way, way * each.threshold))
             one["end"] = len(conditions)
-            first, low = int(one["sum"]), min(one["near_clear"], one["clear"])
-            if trip.rises:  # it counts from the moment at which its conditions hold, of which the first is a value above another
-                first, low = conditions[int(one["begin"])][0], trip.enabled[0].threshold
-            places[k], look[k] = self._first_look(first, low)
-            one["quiet"] = look[k, -1]
-        terms = [term for sum_, _ in self._sums for term in sum_]
+        terms = [term for of, _ in sums for term in of]
+        kinds, pairs = [self._kind(key) for key in sums], [(*of, (0, 0.0))[:2] for of, _ in sums]
         self.arrays = Watch(
             records,
-            look,
-            places,
-            sum(not _is_measured(trip) for trip in self.trips),
-            np.cumsum([0, *(len(sum_) for sum_, _ in self._sums)]),
+            np.cumsum([0, *(len(of) for of, _ in sums)]),
+            np.array([bisect_right(kinds, kind) for kind in range(REPORTED)], np.int64),
             np.array([place for place, _ in terms], np.int64),
             np.array([weight for _, weight in terms], float),
-            np.array([magnitude for _, magnitude in self._sums], np.int64),
+            np.array([[pair[k][0] % world.finite for pair in pairs] for k in (0, 1)], np.uint64),
+            np.array([[pair[k][1] for pair in pairs] for k in (0, 1)], float),
+            np.array([magnitude for _, magnitude in sums], np.int64),
             np.array([number for number, _, _ in conditions], np.int64),
-            np.array([[sign for _, sign, _ in conditions], [sign * value for _, sign, value in conditions]], float),
-            np.zeros(len(_SAID)),
+            np.array([[way for _, way, _ in conditions], [threshold for _, _, threshold in conditions]], float),
+            np.zeros(2 * len(_SAID)),
+            np.zeros(len(trips), np.int64),
+            np.zeros((2, len(trips))),
+            np.zeros((2, len(sums))),
+            np.zeros(1 + len(trips), np.int64),
         )
+        self.look_anew()
 
-    def _first_look(self, number: int, low: float) -> tuple[list[int], list[float]]:
-        """Return places and row of a sum that must be above ``low`` for a trip; where it does not fit, all is always looked at."""
-        terms, magnitude = self._sums[number]
-        finite, sign = self._world.finite, -1.0 if magnitude else 1.0
-        inside = [term for term in terms if term[0] < finite]
-        measured = [(place - finite, weight) for place, weight in terms if place >= finite]
-        if len(measured) > 1 or len(terms) > 2:
-            return [0, 0], [0.0, 0.0, 1.0, -math.inf]
-        both = [*inside, (0, 0.0), *measured] if measured else [*inside, (0, 0.0)]
-        (first, weight), (second, other) = both[0], both[-1 if measured else 1]
-        return [first, second], [weight, other, sign, low]
+    def _sum(self, quantity: Sum) -> tuple[tuple[_Terms, bool], float]:
+        """Return the terms of a sum with whether it is a magnitude, the first weight positive, and the sign by which it is that."""
+        terms = [(place, weight * factor) for name, weight in quantity.terms for place, factor in self._places(name)]
+        terms.sort(key=lambda term: term[0] >= self._world.finite)  # one number of the world before one that is shown
+        sign = -1.0 if terms[0][1] < 0.0 else 1.0
+        return (tuple((place, sign * weight) for place, weight in terms), quantity.magnitude), 1.0 if quantity.magnitude else sign
 
-    def _sum(self, quantity: Sum, way: float) -> int:
-        """Add a sum, with its weights times ``way``, and return its number."""
-        terms = [(place, way * weight * factor) for name, weight in quantity.terms for place, factor in self._places(name)]
-        self._sums.append((terms, quantity.magnitude))
-        return len(self._sums) - 1
+    def _kind(self, key: tuple[_Terms, bool]) -> int:
+        """Return of what a sum is made."""
+        shown = [place >= self._world.finite for place, _ in key[0]]
+        reported = [place < 0 for place, _ in key[0]]
+        if all(reported):
+            return REPORTED
+        if any(reported) or len(shown) > 2:
+            return OTHER
+        if len(shown) == 1:
+            return SHOWN if shown[0] else INSIDE
+        return (BOTH_INSIDE, ONE_SHOWN, BOTH_SHOWN)[sum(shown)]
 
     def _places(self, name: str) -> list[tuple[int, float]]:
         """Return the places of a number and their weights."""
@@ -116,9 +118,14 @@ class Watched:
             return [(first.start + k, float(weight)) for k, weight in enumerate(row) if weight]
         return [(world.number(name), 1.0)]
 
+    def look_anew(self) -> None:
+        """Look at every trip after the next sample: something has changed but by the samples."""
+        self.arrays.witness[:], self.arrays.counting[:] = ALL, [len(self.trips), *range(len(self.trips))]
+        self.arrays.bounds[0], self.arrays.bounds[1] = -math.inf, math.inf
+
     def says(self, gear: int, shifting: bool) -> None:
         """Take what a controller outside reports: the number of its gear, and whether it shifts."""
-        self.arrays.said[:] = gear, shifting
+        self.arrays.said[:2] = gear, shifting
 
     def latched(self) -> tuple[Trip, ...]:
         """Return the trips that have fired since the last reset, in their order."""
@@ -144,4 +151,4 @@ class Watched:
         """Watch anew from now on."""
         for name in ("count", "near_count", "counts", "latched", "warned", "told"):
             self.arrays.trips[name] = 0
-        self.arrays.first_look[:, -1] = self.arrays.trips["quiet"]
+        self.look_anew()

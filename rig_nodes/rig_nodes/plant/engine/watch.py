@@ -20,68 +20,85 @@ if TYPE_CHECKING:
 
     from ...base import Floats, Ints, Record
 
-# sum: number of its quantity among the sums; begin, end: its conditions; rises > 0: the quantity counts from base, its value in
-# the first sample in which all conditions held; quiet: LOW of its first look while nothing counts; limit, clear: value above which
-# its time runs, and at which this begins anew; near, near_clear: the same of the warning; delay: samples; count, near_count:
-# samples for which the criterion has held; counts: 1 since base; latched, warned: 1 since it tripped or warned; told: 1 since
-# people know it; value: quantity at that time
+# sum: number of its quantity among the sums, whose sign is that of way; begin, end: its conditions; rises > 0: the quantity counts
+# from base, its value in the first sample in which all conditions held; limit, clear: value above which its time runs, and at which
+# this begins anew; near, near_clear: the same of the warning; delay: samples; count, near_count: samples for which the criterion
+# has held; counts: 1 since base; latched, warned: 1 since it tripped or warned; told: 1 since people know it; value: quantity then
 TRIP = np.dtype(
     [
         *((name, "i8") for name in ("sum", "begin", "end", "delay")),
-        *((name, "f8") for name in ("rises", "quiet", "limit", "clear", "near", "near_clear")),
+        *((name, "f8") for name in ("way", "rises", "limit", "clear", "near", "near_clear")),
         *((name, "i8") for name in ("count", "near_count", "counts", "latched", "warned", "told")),
         *((name, "f8") for name in ("base", "value")),
     ]
 )
-# columns of Watch.first_look: weights of two numbers, -1 where the sign of their sum does not count, and what it must exceed
-WEIGHT, OTHER, SIGN, LOW = range(4)
+LOW, HIGH = 0, 1  # rows of Watch.spans and Watch.bounds
+# kinds of sums: of one number of the world, of one that is shown, of two, others, and of what the controller reports
+INSIDE, SHOWN, BOTH_INSIDE, ONE_SHOWN, BOTH_SHOWN, OTHER, REPORTED = range(7)
+ALL = -1  # in Watch.witness: nothing rules the trip out
 
 
 class Watch(NamedTuple):
     """The trips of a rig.
 
+    A trip needs several sums beyond thresholds at once: its conditions and its quantity. As long as one of them, the trip's
+    witness, stays within a span, nothing of the trip can be true, and it is not looked at. When a sum leaves the span of a trip
+    whose witness it is, the trip is looked at and gets another witness, or none while it counts.
+
     Parameters
     ----------
     trips : (trips,) record array of TRIP
-        The trips; a criterion "below" has its weights and limits with the other sign.
-    first_look : (trips, 4) array of float
-        A sum of two numbers for each trip, at or below whose LOW nothing of it can be true; -inf as long as something counts.
-    first_places : (trips, 2) array of uint64
-        The places of these numbers: both in the world for the first ``inside`` trips, else one there and one in the shown row.
-    inside : int
-        Number of these trips.
+        The trips; a criterion "below" has its limits with the other sign.
     first : (sums + 1,) array of int64
-        First term of each sum.
+        First term of each sum; the sums are in the order of their kinds.
+    ends : (kinds,) array of int64
+        Number of the first sum behind each kind but the last one, whose sums change only with what the controller reports.
     places : (terms,) array of int64
         Where a term's number is: in the world; behind it, in the row that the transducers show; below 0, in ``said``.
     weights : (terms,) array of float
         Weights of the terms.
+    at : (2, sums) array of uint64
+        The places, in the world or in the row, of the numbers of a sum of one or two.
+    pairs : (2, sums) array of float
+        Their weights.
     magnitudes : (sums,) array of int64
         1 where the sign of a sum does not count.
     conditions : (conditions,) array of int64
         The sum of each condition.
     thresholds : (2, conditions) array of float
         Sign of each condition and, with that sign, the threshold that its sum must exceed.
-    said : (2,) array of float
-        What the controller reports: its gear, and 1 while it shifts.
+    said : (4,) array of float
+        What the controller reports: its gear, and 1 while it shifts; and the same as it was in the last sample.
+    witness : (trips,) array of int64
+        The sum that rules each trip out, or ALL.
+    spans : (2, trips) array of float
+        Between which values it does so.
+    bounds : (2, sums) array of float
+        The narrowest span of each sum.
+    counting : (1 + trips,) array of int64
+        How many trips have no witness, and which.
     """
 
     trips: Record
-    first_look: Floats
-    first_places: npt.NDArray[np.uint64]
-    inside: int
     first: Ints
+    ends: Ints
     places: Ints
     weights: Floats
+    at: npt.NDArray[np.uint64]
+    pairs: Floats
     magnitudes: Ints
     conditions: Ints
     thresholds: Floats
     said: Floats
+    witness: Ints
+    spans: Floats
+    bounds: Floats
+    counting: Ints
 
 
 @njit(**INLINED)
 def summed(k: int, watch: Watch, numbers: Floats, row: Floats) -> float:
-    """Return a sum of numbers of the world, of what the transducers show and of what the controller reports."""
+    """Return a sum of numbers of the world, of what the transducers show and of what the controller reports, with its sign."""
     total = 0.0
     for t in range(watch.first[k], watch.first[k + 1]):
         place = watch.places[t]
@@ -91,16 +108,13 @@ def summed(k: int, watch: Watch, numbers: Floats, row: Floats) -> float:
             total += watch.weights[t] * numbers[place]
         else:
             total += watch.weights[t] * row[place - numbers.shape[0]]
-    return abs(total) if watch.magnitudes[k] else total
+    return total
 
 
 @njit(**INLINED)
-def enabled(one: Record, watch: Watch, numbers: Floats, row: Floats) -> bool:
-    """Return whether all conditions of a trip hold."""
-    for c in range(one.begin, one.end):
-        if not watch.thresholds[0, c] * summed(watch.conditions[c], watch, numbers, row) > watch.thresholds[1, c]:
-            return False
-    return True
+def past(j: int, value: float, bounds: Floats) -> float:
+    """Return by how much a sum is outside its bounds, without the branch that a comparison would be."""
+    return max(bounds[LOW, j] - value, value - bounds[HIGH, j])
 
 
 @njit(**INLINED)
@@ -129,23 +143,75 @@ def looked_at(one: Record, value: float) -> int:
     return how
 
 
-@njit(**INLINED)
-def looked_closer(k: int, watch: Watch, numbers: Floats, row: Floats) -> int:
-    """Look at a trip of which something may be true; the result is that of :func:`watched`."""
-    one, how = watch.trips[k], WHOLE
-    if enabled(one, watch, numbers, row):
-        how = looked_at(one, summed(one.sum, watch, numbers, row))
+@njit(**INNER)
+def ruled_out(k: int, by: int, way: float, threshold: float, value: float, watch: Watch) -> None:
+    """Make a sum the witness of a trip: ``way`` times it, or its magnitude, is not above the threshold now."""
+    low, high = -np.inf, np.inf
+    if watch.magnitudes[by] and way > 0.0:
+        low, high = -threshold, threshold
+    elif way > 0.0 or (watch.magnitudes[by] and value < 0.0):
+        high = threshold
     else:
-        one.count = one.near_count = one.counts = one.warned = one.told = 0
-    watch.first_look[k, LOW] = -np.inf if one.count + one.near_count + one.counts > 0 else one.quiet
+        low = -threshold
+    watch.witness[k], watch.spans[LOW, k], watch.spans[HIGH, k] = by, low, high
+
+
+@njit(**INNER)
+def looked_closer(k: int, watch: Watch, numbers: Floats, row: Floats) -> int:
+    """Look at a trip of which something may be true, and find its witness; the result is that of :func:`watched`."""
+    one = watch.trips[k]
+    for c in range(one.begin, one.end):
+        by, way, threshold = watch.conditions[c], watch.thresholds[0, c], watch.thresholds[1, c]
+        value = summed(by, watch, numbers, row)
+        if not way * (abs(value) if watch.magnitudes[by] else value) > threshold:
+            one.count = one.near_count = one.counts = one.warned = one.told = 0
+            ruled_out(k, by, way, threshold, value, watch)
+            return WHOLE
+    value = summed(one.sum, watch, numbers, row)
+    how = looked_at(one, one.way * (abs(value) if watch.magnitudes[one.sum] else value))
+    if one.count + one.near_count + one.counts > 0:
+        watch.witness[k] = ALL
+    else:
+        ruled_out(k, one.sum, one.way, min(one.near, one.limit), value, watch)
+    return how
+
+
+@njit(**INNER)
+def bounded(watch: Watch) -> None:
+    """Find the bounds of the sums, and the trips that count, by the witnesses."""
+    bounds, counting = watch.bounds, 0
+    bounds[LOW], bounds[HIGH] = -np.inf, np.inf
+    for k in range(watch.witness.shape[0]):
+        j = watch.witness[k]
+        if j == ALL:
+            counting += 1
+            watch.counting[counting] = k
+        else:
+            bounds[LOW, j] = max(bounds[LOW, j], watch.spans[LOW, k])
+            bounds[HIGH, j] = min(bounds[HIGH, j], watch.spans[HIGH, k])
+    watch.counting[0] = counting
+
+
+@njit(**INNER)
+def looked_over(outside: bool, watch: Watch, numbers: Floats, row: Floats) -> int:
+    """Look at the trips that count and, where a sum is outside its bounds, at all that are not ruled out; see :func:`watched`."""
+    how, moved, said = WHOLE, outside, watch.said
+    said[2], said[3] = said[0], said[1]
+    for i in range(watch.witness.shape[0] if outside else watch.counting[0]):
+        k = i if outside else watch.counting[i + 1]
+        j = watch.witness[k]
+        value = summed(j, watch, numbers, row) if j != ALL else np.inf
+        if j == ALL or value < watch.spans[LOW, k] or value > watch.spans[HIGH, k]:
+            how = max(how, looked_closer(k, watch, numbers, row))
+            moved = moved or watch.witness[k] != ALL
+    if moved:
+        bounded(watch)
     return how
 
 
 @njit(**INLINED)
 def watched(watch: Watch, numbers: Floats, row: Floats) -> int:
     """Look at all trips after a sample.
-
-    Nothing can be true of most of them by one sum of two terms, which is looked at first.
 
     Parameters
     ----------
@@ -161,10 +227,19 @@ def watched(watch: Watch, numbers: Floats, row: Floats) -> int:
     int
         WHOLE, WARNED for a new warning, TRIPPED for a trip.
     """
-    how, look, places = WHOLE, watch.first_look, watch.first_places
-    for k in range(look.shape[0]):
-        second = numbers[places[k, 1]] if k < watch.inside else row[places[k, 1]]
-        value = look[k, WEIGHT] * numbers[places[k, 0]] + look[k, OTHER] * second
-        if value > look[k, LOW] or look[k, SIGN] * value > look[k, LOW]:
-            how = max(how, looked_closer(k, watch, numbers, row))
-    return how
+    bounds, said, ends, weights, at = watch.bounds, watch.said, watch.ends, watch.pairs, watch.at
+    beyond = -np.inf  # by how much a sum is outside its bounds
+    for j in range(ends[INSIDE]):
+        beyond = max(beyond, past(j, weights[0, j] * numbers[at[0, j]], bounds))
+    for j in range(ends[INSIDE], ends[SHOWN]):
+        beyond = max(beyond, past(j, weights[0, j] * row[at[0, j]], bounds))
+    for j in range(ends[SHOWN], ends[BOTH_INSIDE]):
+        beyond = max(beyond, past(j, weights[0, j] * numbers[at[0, j]] + weights[1, j] * numbers[at[1, j]], bounds))
+    for j in range(ends[BOTH_INSIDE], ends[ONE_SHOWN]):
+        beyond = max(beyond, past(j, weights[0, j] * numbers[at[0, j]] + weights[1, j] * row[at[1, j]], bounds))
+    for j in range(ends[ONE_SHOWN], ends[BOTH_SHOWN]):
+        beyond = max(beyond, past(j, weights[0, j] * row[at[0, j]] + weights[1, j] * row[at[1, j]], bounds))
+    for j in range(ends[BOTH_SHOWN], ends[OTHER]):
+        beyond = max(beyond, past(j, summed(j, watch, numbers, row), bounds))
+    outside = beyond > 0.0 or said[0] != said[2] or said[1] != said[3]
+    return looked_over(outside, watch, numbers, row) if outside or watch.counting[0] > 0 else WHOLE
