@@ -6,9 +6,12 @@
 import pytest
 
 from rig_nodes.cli.main import main
+from rig_nodes.controllers import ADDRESS, load_controller
 from rig_nodes.controllers.can.dm1 import DM1, Code, dm1_data, dm1_frames
 from rig_nodes.controllers.can.j1939 import parts
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs import Rig
+from rig_nodes.runs.simulation import advance_with
 
 CODES = [Code(520_192, 5, 1), Code(524_287, 31, 126), Code(177, 0, 3)]
 
@@ -55,3 +58,29 @@ def test_the_can_log_of_a_tripped_run_has_the_code_of_its_trip(tmp_path, capsys)
         sent = [message for message in log if message.is_extended_id and parts(message.arbitration_id).pgn == DM1]
     trip = next(one for one in load_rig("hydmag").trips if one.name == "coil_open_valve_zr_p1")
     assert [bytes(message.data) for message in sent] == [dm1_data([Code(trip.spn, trip.fmi, 1)])]
+
+
+def test_a_running_rig_sends_its_trip_every_second_and_once_more_when_it_is_over():
+    can, j1939 = pytest.importorskip("can"), pytest.importorskip("j1939")
+    config = load_rig("hydmag")
+    trip = next(one for one in config.trips if one.name == "overspeed_w0")
+    rig = Rig(config, controller="external")
+    bus, plug = can.Bus("dm1", interface="virtual"), load_controller("can:dm1?interface=virtual", config)
+    heard, now = [], 0
+    ecu = j1939.ElectronicControlUnit()
+    other = ecu.add_ca(name=j1939.Name(identity_number=1), device_address=200)
+    j1939.Dm1(other).subscribe(lambda source, lamps, found, _: heard.append((now, source, found[0]["spn"], found[0]["fmi"])))
+    try:
+        for now in range(5000):
+            if now == 100:
+                rig.trip(trip.sentence(2.0 * trip.limit, rig.time), trip.name)
+            if now == 3500:
+                rig.reset()
+            advance_with(rig, plug)
+            while (frame := bus.recv(0)) is not None:
+                ecu.notify(frame.arbitration_id, frame.data, frame.timestamp)
+    finally:
+        plug.close()
+        bus.shutdown()
+        ecu.stop()
+    assert heard == [*((when, ADDRESS, trip.spn, trip.fmi) for when in (100, 1100, 2100, 3100)), (3500, ADDRESS, 0, 0)]

@@ -8,7 +8,7 @@ from .alfa46.box import refusal as refusal
 from .c.library import CLibrary as CLibrary, COMPILERS as COMPILERS, INCLUDE as INCLUDE, LEVEL_BITS as LEVEL_BITS
 from .c.record_header import NAME as NAME, header_text as header_text
 from .can.database import ADDRESS as ADDRESS, dbc_text as dbc_text, need_can as need_can
-from .can.dm1 import Code as Code, dm1_frames as dm1_frames
+from .can.dm1 import ActiveCode as ActiveCode
 from .can.frames import RigFrames as RigFrames
 from .can.j1939 import ADDRESS_CLAIMED as ADDRESS_CLAIMED, FUNCTION as FUNCTION, identifier as identifier
 from .fmi.importer import Fmu as Fmu

@@ -271,6 +271,9 @@ class Plug(ABC):
         self._before = self._request = NEUTRAL
         self._ordered = True
 
+    def notice(self, reason: str) -> None:
+        """Take why the rig is in its safe state, empty when it is not; a plug whose wire has a message for it sends that."""
+
     def step(self, sample: int, current: Iterable[float], measured: Iterable[float], others: Iterable[float] = ()) -> Answer | None:
         """Give the controller one sample and return its answer.
 

@@ -123,6 +123,7 @@ class ShiftOrders:
             return  # the rig waits for this node's first command
         with self.lock:
             was, self._rig_status, self._rig_reason = self._rig_status, status, reason
+            self._box.notice(reason if status == RigStatus.TRIPPED else "")
             # a second start means a trip that was over before its state arrived
             again = status == RigStatus.STARTING and was in (RigStatus.READY, RigStatus.RUNNING)
             if not again and (status != RigStatus.TRIPPED or was == status):

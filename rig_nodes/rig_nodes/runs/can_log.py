@@ -8,7 +8,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import chain
 from operator import itemgetter
@@ -22,19 +21,18 @@ from ..controllers import (
     ADDRESS_CLAIMED,
     FUNCTION,
     LEVELS,
-    Code,
+    ActiveCode,
     ControllerInputs,
     RigFrames,
-    dm1_frames,
     identifier,
     need_can,
     record_of,
 )
-from ..rig import CONTROLLER_COMMAND, CONTROLLER_EVENTS, NEUTRAL, SHIFT_ORDERED, RigConfig, config_of_record
+from ..rig import CONTROLLER_COMMAND, CONTROLLER_EVENTS, NEUTRAL, SHIFT_ORDERED, config_of_record
 from .rerun import RIG_EVENTS, SAMPLES, TRIPPED
 
 WRITERS = {"blf": "BLFWriter", "asc": "ASCWriter", "log": "CanutilsLogWriter"}  # of python-can, by kind
-EVERY, STATUS = 1_000_000_000, "rig_"  # ns between two groups DM1, and how events on the rig's status begin
+STATUS = "rig_"  # how events on the rig's status begin
 LATE = 50_000_000  # ns by which a message's place in the file may be later than its time
 NAME = (FUNCTION << 40).to_bytes(8, "little")  # of the rig in the log; its identity number, which is random on a bus, is 0
 
@@ -86,7 +84,7 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
     if not counts.get(SAMPLES) or not counts.get(CONTROLLER_COMMAND):
         raise RigError(f"{small.path}: holds no samples and answers of a shift controller, of which CAN frames could be made")
     config = config_of_record(small.record, str(small.path))
-    record, codes = record_of(config), _codes(small, config)
+    record, states, active = record_of(config), _states(small), ActiveCode(config.trips)
     requests, rows = _requests(small), _rows(run, progress)
     first = []  # what is before the first answer, which has the level
     for row in rows:
@@ -120,9 +118,10 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
                 continue
             while len(requests) > 1 and requests[1][0] <= stamp:
                 del requests[0]
-            while codes and codes[0][0] <= stamp:
-                for number, data in dm1_frames(codes.pop(0)[1], ADDRESS):
-                    put(number, data, True)
+            while states and states[0][0] <= stamp:
+                active.take(states.pop(0)[1])
+            for number, data in active.due(one.sample, ADDRESS):
+                put(number, data, True)
             inputs = ControllerInputs(one.sample, stamp * 1e-9, requests[0][1], one.current, one.measured)
             frames.take(inputs, shifting, True)
         log.stop()
@@ -140,29 +139,13 @@ def _requests(small: Bag) -> list[tuple[int, int]]:
     return found
 
 
-def _codes(small: Bag, config: RigConfig) -> list[tuple[int, list[Code]]]:
-    """Return when [ns] DM1 is due, with the codes that are active: as a trip comes, every second until the reset, and then once."""
-    known, times = {trip.name: trip for trip in config.trips}, Counter[str]()
-    found: list[tuple[int, list[Code]]] = []
-    end = round(small.last)
-
-    def repeated(until: int) -> None:
-        while found and found[-1][1] and found[-1][0] + EVERY <= until:
-            found.append((found[-1][0] + EVERY, found[-1][1]))
-
-    for t, topic, name, text, _ in small.events():
-        if topic != RIG_EVENTS or not name.startswith(STATUS):
-            continue
-        at = round(t * 1e9)
-        repeated(at)
-        trip = known.get(text.removeprefix("trip ").partition(":")[0]) if name == TRIPPED else None
-        if trip is not None:
-            times[trip.name] += 1
-            found.append((at, [Code(trip.spn, trip.fmi, times[trip.name])]))
-        elif name != TRIPPED and found and found[-1][1]:
-            found.append((at, []))
-    repeated(end)
-    return found
+def _states(small: Bag) -> list[tuple[int, str]]:
+    """Return from when [ns] the rig is in its safe state for which reason; empty for none."""
+    return [
+        (round(t * 1e9), text if name == TRIPPED else "")
+        for t, topic, name, text, _ in small.events()
+        if topic == RIG_EVENTS and name.startswith(STATUS)
+    ]
 
 
 def _rows(run: Path, progress: Callable[[float, str], None] | None) -> Iterator[tuple[int, _Sample | _Answer]]:

@@ -291,6 +291,7 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
         True when the controller answered the sample.
     """
     sample, answer = rig.sample, None
+    controller.notice(rig.reason if rig.safe else "")
     try:
         answer = ask_controller(rig, controller)
         if answer is None:

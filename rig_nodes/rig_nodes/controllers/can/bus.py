@@ -21,6 +21,7 @@ from ..seam import ControllerInputs
 from ..wire import commands
 from . import database as frames
 from . import j1939
+from .dm1 import DM1, ActiveCode, dm1_frames
 from .frames import RigFrames
 
 if TYPE_CHECKING:
@@ -116,6 +117,7 @@ class CanBus(FreeRunning):
         if options.get("address") != NO_ADDRESS:
             address = int(number(options, "address", frames.ADDRESS, name, 0, j1939.NULL - 1))
         super().__init__(name, config, level, f"CAN {interface} {channel}", timeout_of(options, name))
+        self._active = ActiveCode(config.trips)
         self._inside = interface == "virtual"  # the bus exists only inside this process
         self._sees_programs = interface == "udp_multicast"
         self._bus = open_bus(channel, interface, f"controller {name}", **extra)
@@ -146,7 +148,7 @@ class CanBus(FreeRunning):
             self._node = j1939.Node(
                 address,
                 self._put_group,
-                {frames.GROUPS[frames.ETC1]: self._etc1, frames.GROUPS[frames.ETC2]: self._frames.etc2},
+                {frames.GROUPS[frames.ETC1]: self._etc1, frames.GROUPS[frames.ETC2]: self._frames.etc2, DM1: self._dm1},
                 self._lost_address,
             )
 
@@ -183,7 +185,14 @@ class CanBus(FreeRunning):
 
     def _send(self, inputs: ControllerInputs) -> None:
         self._tell()
-        self._frames.take(inputs, self.shifting, self._node is not None and self._node.may_send)
+        groups = self._node is not None and self._node.may_send
+        self._frames.take(inputs, self.shifting, groups)
+        for frame, data in self._active.due(inputs.sample, self._node.address) if groups else ():
+            self._put_group(frame, data)
+
+    def notice(self, reason: str) -> None:
+        """Send the trouble code of the rig's trip, until there is none."""
+        self._active.take(reason)
 
     def _tell(self) -> None:
         """Give the frames of J1939 what the controller has reported."""
@@ -193,6 +202,10 @@ class CanBus(FreeRunning):
     def _etc1(self) -> None:
         self._tell()
         self._frames.etc1()
+
+    def _dm1(self) -> None:
+        for frame, data in dm1_frames(self._active.codes, self._node.address):
+            self._put_group(frame, data)
 
     def _lost_address(self, text: str) -> None:
         self.conflict = f"{text}; choose another one with &address=N, or none with &address={NO_ADDRESS}"

@@ -3,16 +3,22 @@
 
 """Active trouble codes as the group DM1 of SAE J1939-73, in one frame or by broadcast announce of J1939-21.
 
-runs.can_log sends them for the trips of a run; what is active is what the rig has noticed, and never what was injected.
+bus.py sends them while a rig is in its safe state, and runs.can_log for a recorded run; what is active is what the rig has
+noticed, and never what was injected.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from .j1939 import GLOBAL, PRIORITY, identifier
 
+if TYPE_CHECKING:
+    from ...rig import Trip
+
+EVERY = 1000  # samples of 1 ms between two groups while a code is active
 DM1, ANNOUNCE, TRANSFER = 65226, 60416, 60160  # PGN of the codes, of the announce of a longer message, and of its pieces
 BROADCAST = 32  # control byte of an announce to all nodes
 TRANSPORT_PRIORITY = 7
@@ -76,3 +82,40 @@ def dm1_frames(codes: Sequence[Code], source: int) -> list[tuple[int, bytes]]:
         (identifier(ANNOUNCE, source, GLOBAL, TRANSPORT_PRIORITY), head),
         *((number, bytes([k]) + piece) for k, piece in enumerate(pieces, 1)),
     ]
+
+
+class ActiveCode:
+    """The trouble code of the trip that a rig is in, and when DM1 is due.
+
+    It is due when a code becomes active, then every second, and once more when none is active any longer.
+
+    Parameters
+    ----------
+    trips : iterable of Trip
+        The trips of the rig.
+    """
+
+    def __init__(self, trips: Iterable[Trip]) -> None:
+        self._trips, self._times = {trip.name: trip for trip in trips}, Counter[str]()
+        self._reason, self._at = "", -1  # why the rig is in its safe state; sample at which DM1 is due, -1 for never
+        self.codes: tuple[Code, ...] = ()
+
+    def take(self, reason: str) -> None:
+        """Take why the rig is in its safe state, the sentence of a trip; empty when it is not."""
+        if reason == self._reason:
+            return
+        self._reason, before = reason, self.codes
+        trip = self._trips.get(reason.removeprefix("trip ").partition(":")[0])
+        self.codes = ()
+        if trip is not None:
+            self._times[trip.name] += 1
+            self.codes = (Code(trip.spn, trip.fmi, self._times[trip.name]),)
+        if before or self.codes:
+            self._at = 0
+
+    def due(self, sample: int, source: int) -> list[tuple[int, bytes]]:
+        """Return the frames of DM1 that are due at a sample, from a source address; see :func:`dm1_frames`."""
+        if self._at < 0 or sample < self._at:
+            return []
+        self._at = sample + EVERY if self.codes else -1
+        return dm1_frames(self.codes, source)
