@@ -85,6 +85,8 @@ def test_it_builds_without_a_warning():
     assert built.stdout == f"the site is {html / 'index.html'}\n"
     assert "rig simulate" in (html / "made" / "command_line.html").read_text(encoding="utf-8")
     assert (html / "searchindex.js").stat().st_size > 100_000
+    page = (html / "how_to" / "report.html").read_text(encoding="utf-8")
+    assert "<pre>" not in page and 'role="heading"><' not in page  # blocks take keys, captions that are headings have a level
     fetched = [
         address
         for page in html.rglob("*.html")
