@@ -42,4 +42,5 @@ def setup(app: Sphinx) -> None:
 def _accessible(_app: Sphinx, _page: str, _template: str, context: dict, _doctree: object) -> None:
     tree = context.get("furo_navigation_tree") or ""
     context["furo_navigation_tree"] = tree.replace('role="heading"', 'role="heading" aria-level="2"')
-    context["body"] = context.get("body", "").replace("<pre>", '<pre tabindex="0">')  # wide ones are scrolled by keys
+    body = context.get("body", "").replace("<pre>", '<pre tabindex="0">')  # wide blocks and tables are scrolled by keys
+    context["body"] = body.replace('<div class="table-wrapper', '<div tabindex="0" class="table-wrapper')
