@@ -150,7 +150,7 @@ def test_smallest_and_shortest_within_what_counts_as_equal():
     assert words == {1: "not shortest", 19: "shortest", 3: "shortest"}
 
 
-def test_a_dominated_series_is_worse_in_all_three():
+def test_a_dominated_series_is_worse_in_all_three_and_one_without_a_hold_has_no_rank():
     def series(n, peak, time, hold):
         return Record(
             "profile_series", {"valve": "ZR-P1", "series": n}, {"engagement_peak_nm": peak, "engagement_s": time, "level_s": hold}
@@ -160,7 +160,30 @@ def test_a_dominated_series_is_worse_in_all_three():
         [series(1, 100.0, 0.30, 0.06), series(2, 90.0, 0.25, 0.03), series(3, 80.0, 0.35, 0.02), series(4, 50.0, 0.1, 0.0)]
     )
     ranks = {r.conditions["series"]: r.values["engagement_rank"] for r in found if "engagement_rank" in r.values}
-    assert ranks == {1: "dominated", 2: "not dominated", 3: "not dominated", 4: "not dominated"}
+    assert ranks == {1: "dominated", 2: "not dominated", 3: "not dominated", 4: "no hold"}
+
+
+def test_the_gap_of_a_peak_has_the_sign_of_the_measured_one():
+    def shift(load, source, peak):
+        where = {"shift": "II-I", "n_wej": 1500.0 * RPM, "m_wyj": load}
+        procedure, source = ("grid_down", {}) if source == "measured" else ("chapter9", {"source": source})
+        return Record(procedure, {**where, **source}, {"input_torque_max_nm": peak, "t_p_s": 0.05})
+
+    found = derive(
+        [
+            *(shift(load, "simulated", peak) for load, peak in ((180.0, 277.0), (240.0, 366.0), (80.0, 129.0))),
+            *(shift(load, "measured", peak) for load, peak in ((180.0, 300.0), (240.0, 294.0), (40.0, 100.0))),
+            Record(  # with another inertia, so no measurement of the laboratory
+                "grid_down",
+                {"shift": "II-I", "n_wej": 1500.0 * RPM, "m_wyj": 180.0, "inertia": 0.6365},
+                {"input_torque_max_nm": 200.0, "t_p_s": 0.05},
+            ),
+        ]
+    )
+    assert {r.conditions["m_wyj"]: r.values["peak_gap_nm"] for r in found if "peak_gap_nm" in r.values} == {
+        180.0: 23.0,
+        240.0: -72.0,
+    }
 
 
 def test_a_hold_is_classed_by_the_mean_of_its_repeats():
@@ -180,6 +203,24 @@ def test_a_hold_is_classed_by_the_mean_of_its_repeats():
     assert holds == {1: ("hold", {}), 2: ("no hold", {}), 3: (None, {"hold": "no rise"})}
     phases = [r.values["pressure_rise"] for r in found if "pressure_rise" in r.values]
     assert phases == ["three phases", "no hold", None]
+
+
+@pytest.mark.parametrize("peak_at, event", [(0.3, "not below it"), (0.45, "below the speed of gear I")])
+def test_the_peak_of_a_downshift_is_placed_by_the_output_speed_at_its_time(peak_at, event):
+    """The output leaves the speed of gear II at 0.4 s, and it is 3 % below that of gear I from 0.43 s on."""
+    t = 1e-4 * np.arange(10_000)
+    first, second = (150.0 / BOX.ratios[gear] for gear in (1, 2))
+    channels = {
+        "n_wej": np.full(t.size, 150.0),
+        "n_wyj": np.interp(t, [0.4, 0.43, 0.47, 0.5], [second, 0.97 * first, 0.97 * first, first]),
+        "M_wej": 100.0 + 200.0 * np.exp(-(((t - peak_at) / 0.01) ** 2)),
+        **dict.fromkeys(("M_wyj", "p1", "p2"), np.zeros(t.size)),
+    }
+    row = {"t_order_s": 0.0, "t_c_s": 0.5, "t_dt_s": 0.25, "to_gear": 1, "why": []}
+    record = readers.peak_event("grid_down", {}, Recording(0.0, 1e-4, channels, [], BOX), row)
+    assert record.values == {"peak_event": event}
+    unmade = readers.peak_event("grid_down", {}, Recording(0.0, 1e-4, channels, [], BOX), {**row, "t_c_s": None, "why": ["no end"]})
+    assert (unmade.values, unmade.why) == ({"peak_event": None}, {"peak_event": "no end"})
 
 
 # --- what runs ------------------------------------------------------------------------------------
@@ -219,7 +260,7 @@ def test_the_series_hold_every_condition_that_rows_list():
         series = [one for name in procedures for one in programme.series_of(name)]
         for side in (target.conditions, target.of, target.to):
             for name, wanted in side.items():
-                if name in ("phase", "side", "source", "model") or not isinstance(wanted, tuple) or wanted == ("all",):
+                if name in ("phase", "side", "source", "model", "time") or not isinstance(wanted, tuple) or wanted == ("all",):
                     continue
                 there = [one.conditions[name] for one in series if name in one.conditions]
                 if name == "shift" and not there:

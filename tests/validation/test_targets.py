@@ -3,6 +3,7 @@
 
 """The laboratory's printed results: complete, consistent among themselves, and refused when badly written."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -90,6 +91,37 @@ def test_a_row_that_is_no_fact_of_its_own_names_what_it_follows_from(targets):
     # the packs of the clutch bench are the thesis's model, so its statements on them are no prediction, except for their M_rest
     bench = {target.role for target in targets.values() if target.procedure == "clutch_bench" and target.quantity != "m_rest_nm"}
     assert bench == {"consistency", "information"}
+
+
+SIGNS = {  # sign -> words, one of which the sentence of a row with this sign has; of a difference, its subject is the first side
+    "grows": r"\b(grows?|longer|worse|more|the less the fewer|the shorter the smaller)\b",
+    "falls": r"\b(falls?|sooner|less|shrinks?)\b",
+    "flat": r"\b(hardly|close to|not depend|depends little|not change|no effect)\b",
+    "above": r"\b(above|longer|further|more|show a torque peak)\b",
+    "below": r"\b(below|lower|shorter|sooner|less)\b",
+    "either": r"\b(within|off|differ)\b",
+}
+
+
+def test_the_sign_of_a_row_is_that_of_its_sentence(targets):
+    for target in targets.values():
+        sign = target.sign
+        if target.kind == "difference" and not target.absolute:
+            above, below = target.low is not None and target.low >= 0.0, target.high is not None and target.high <= 0.0
+            sign = "above" if above else "below" if below else None
+        elif target.absolute:
+            sign = "either"
+        if sign is not None and target.role != "information":
+            assert re.search(SIGNS[sign], target.text), (target.id, sign, target.text)
+
+
+def test_a_row_that_is_judged_has_a_bound_with_its_place(targets):
+    for target in targets.values():
+        if target.role in ("predict", "calibrate"):
+            assert re.search(r"\d\.\d|tab\. \d|chapter|Annex", target.where), target.id
+            assert not re.search(r"No (R2|number) is printed", target.why) or re.search(r"\b\d\.\d\.\d|9\.2\.2", target.why), (
+                target.id
+            )
 
 
 def test_what_is_close_to_a_number_may_lie_on_both_sides_of_it(targets):

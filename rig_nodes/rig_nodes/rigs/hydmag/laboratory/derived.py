@@ -12,7 +12,7 @@ import itertools
 
 from rig_nodes.analysis import HOLD_SHORTEST, engagement_ranks
 
-from .records import Record, canonical, group
+from .records import ASPECTS, Record, canonical, group
 
 NO_DIP = 0.95  # k, Annex A and 7.4.2.3
 TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: two values that differ by less count as equal (7.1, 9.2.2)
@@ -21,7 +21,16 @@ TORQUE_ALIKE, TIME_ALIKE = 1.01, 0.01  # Nm, s: two values that differ by less c
 def derive(records: list[Record]) -> list[Record]:
     """Return the derived records; the given ones are not changed."""
     measured = _measured(records)
-    return [*_holds(records), *_ranks(records), *_dips(records), *_delays(records), *measured, *gaps([*records, *measured])]
+    compared = [*records, *measured]
+    return [
+        *_holds(records),
+        *_ranks(records),
+        *_dips(records),
+        *_delays(records),
+        *measured,
+        *gaps(compared),
+        *peak_gaps(compared),
+    ]
 
 
 def _whole(records: list[Record], procedure: str, quantity: str, **conditions: float | str) -> list[Record]:
@@ -31,7 +40,7 @@ def _whole(records: list[Record], procedure: str, quantity: str, **conditions: f
         for r in records
         if r.procedure == procedure
         and quantity in r.values
-        and not {"phase", "time"} & set(r.conditions)
+        and not {*ASPECTS} & set(r.conditions)
         and not isinstance(r.values[quantity], str)
         and all(r.conditions.get(name) == value for name, value in conditions.items())
     ]
@@ -51,15 +60,16 @@ def _holds(records: list[Record]) -> list[Record]:
 
 
 def _ranks(records: list[Record]) -> list[Record]:
-    """Return the engagement_rank of each profile series among those of its valve."""
+    """Return the engagement_rank of each profile series among those of its valve; one without a hold phase has no rank (7.1.4)."""
     out = []
     for _, series in group(_whole(records, "profile_series", "engagement_peak_nm"), ("valve",)):
         rows = []
         for r in series:
             level = r.values["level_s"]
             rows.append({**r.values, "hold_s": 0.0 if level is not None and level < HOLD_SHORTEST else level})
-        for record, rank in zip(series, engagement_ranks(rows)):
+        for record, row, rank in zip(series, rows, engagement_ranks(rows)):
             why = {} if rank else {"engagement_rank": "peak, time or hold of this series was not found"}
+            rank = "no hold" if rank and not row["hold_s"] else rank
             out.append(Record("profile_series", record.conditions, {"engagement_rank": rank}, why))
     return out
 
@@ -195,4 +205,33 @@ def gaps(records: list[Record]) -> list[Record]:
         half = len(known) // 2
         ends = known[0] > max(known[1:half]) and known[-1] > max(known[-half:-1])
         out.append(Record("chapter9", conditions, {"t_p_gap": "largest at both ends" if ends else "not so"}))
+    return out
+
+
+def peak_gaps(records: list[Record]) -> list[Record]:
+    """Return how far the measured peak of M_wej lies above the simulated one, for each downshift of chapter 9 that has both.
+
+    Parameters
+    ----------
+    records : list of Record
+        Shifts of chapter 9 with their source.
+
+    Returns
+    -------
+    list of Record
+        One record for each input speed and load, with peak_gap_nm [Nm].
+    """
+    peaks: dict[tuple, dict[str, Record]] = {}
+    for r in _whole(records, "chapter9", "input_torque_max_nm", shift="II-I"):
+        at = canonical(r.conditions["n_wej"]), canonical(r.conditions["m_wyj"])
+        peaks.setdefault(at, {})[str(r.conditions["source"])] = r
+    out = []
+    for both in peaks.values():
+        if len(both) < 2:
+            continue
+        one, other = (both[source].values["input_torque_max_nm"] for source in ("measured", "simulated"))
+        conditions = {name: both["measured"].conditions[name] for name in ("shift", "n_wej", "m_wyj")}
+        known = one is not None and other is not None
+        why = {} if known else {"peak_gap_nm": "the peak of M_wej was not found"}
+        out.append(Record("chapter9", conditions, {"peak_gap_nm": one - other if known else None}, why))
     return out

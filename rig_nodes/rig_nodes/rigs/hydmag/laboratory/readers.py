@@ -17,6 +17,7 @@ import numpy as np
 
 from rig_nodes.analysis import (
     PRESSURE_MEAN,
+    TORQUE_SPEED_MEAN,
     Instrument,
     engagement_metrics,
     first_true,
@@ -52,6 +53,8 @@ ENGAGEMENT = {
     "level_s": "level_s",
 }
 DISTURBANCE = "disturbance_span_s"
+PEAK_EVENT = "peak_event"
+ENCODER_ERROR = pi / 30.0  # rad/s: 1 rpm, tab. 7.1
 
 
 class NotMeasured(RigError):
@@ -179,6 +182,7 @@ def _grid(procedure: str, conditions: dict, run: Run) -> list[list[Record]]:
     for row in rows:
         records = _shift(conditions, procedure, shift, row)
         records += _torques(procedure, conditions, run.recording, row)
+        records.append(peak_event(procedure, conditions, run.recording, row))
         if conditions["m_wyj"] > 0.0:  # the laboratory's curves are of loaded shifts
             records += [
                 trace
@@ -224,6 +228,42 @@ def _torques(procedure: str, conditions: dict, recording: Recording, row: dict) 
         Record(procedure, {**conditions, "phase": phase}, {"input_torque_max_nm": value}, {} if value is not None else why)
         for phase, value in (("shift", row["input_torque_max_nm"]), ("before", steady))
     ]
+
+
+def peak_event(procedure: str, conditions: dict, recording: Recording, row: dict) -> Record:
+    """Return whether the output is slower than in the new gear, by more than the encoder's error, when M_wej is highest.
+
+    Only the time of t_dtr counts (7.1.5), and both are means over 2 ms as in Annex A.
+
+    Parameters
+    ----------
+    procedure : str
+        Name of the procedure.
+    conditions : dict
+        Conditions of the series [SI].
+    recording : Recording
+        The recorded run.
+    row : dict
+        Metrics of the shift.
+
+    Returns
+    -------
+    Record
+        The class peak_event.
+    """
+    end = None if row["t_c_s"] is None else row["t_order_s"] + row["t_c_s"]
+    if end is None or row["t_dt_s"] is None:
+        return Record(procedure, conditions, {PEAK_EVENT: None}, {PEAK_EVENT: "; ".join(row["why"]) or "was not found"})
+    box = recording.transmission
+    first, last = (int(round((at - recording.t0) / recording.period)) for at in (end - row["t_dt_s"], end))
+    width = odd_width(TORQUE_SPEED_MEAN, recording.period)
+    torque, into, out = (
+        running_mean(recording.channels[name], width)[first : last + 1]
+        for name in (box.input.torque, box.input.speed, box.output.speed)
+    )
+    at = int(np.argmax(torque))
+    below = into[at] / box.ratios[row["to_gear"]] - out[at] > ENCODER_ERROR
+    return Record(procedure, conditions, {PEAK_EVENT: "below the speed of gear I" if below else "not below it"})
 
 
 def _mean(recording: Recording, name: str, since: float) -> float | None:

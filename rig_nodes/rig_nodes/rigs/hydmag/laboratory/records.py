@@ -25,7 +25,7 @@ REL = 1e-9  # two settings are the same within this share; they come from the sa
 # number of series that "all" means: procedure -> valve (None: any valve) -> number, tab. 7.4, Annexes B and C
 SERIES = {"delay_series": {None: 19}, "profile_series": {"ZR-P1": 37, "ZR-P2": 10}}
 # a record with such a condition shows a part or a moment of a test, and is selected only by rows that name the condition
-ASPECTS = ("phase", "time", "pressure")
+ASPECTS = ("phase", "time", "pressure", "inertia")
 # rows of one grid are compared with shifts of the other one
 SHARED = {"grid_up": ("grid_up", "grid_down"), "grid_down": ("grid_up", "grid_down")}
 
