@@ -51,7 +51,7 @@ from .signals import unnamed
 from .structure import RATE, Device, Structure
 from .transducer_types import TRANSDUCER_TYPES
 from .transmission import Transmission, made_of, tied_to
-from .trips import TRIPS, WATCHED, Trip, default_of, read_trips, trip_settings, trips_of
+from .trips import OWN_TRIPS, TRIPS, WATCHED, OwnTrip, Trip, default_of, read_trips, trip_settings, trips_of
 from .turning import check_driveline
 
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})(?:\.({'|'.join(COLUMNS)}))?")
@@ -92,6 +92,8 @@ class RigConfig:
         False when no trip is watched.
     trip_sources : mapping of str to str
         Source of these limits, by the name of the trip; a record does not hold them.
+    own_trips : tuple of OwnTrip
+        Trips that the rig's file describes.
     """
 
     name: str
@@ -108,6 +110,7 @@ class RigConfig:
     trip_values: Mapping[str, float] = field(default_factory=dict)
     trips_watched: bool = True
     trip_sources: Mapping[str, str] = field(default_factory=dict, compare=False)
+    own_trips: tuple[OwnTrip, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
         sections = self.__dict__.get("sections", {})
@@ -227,6 +230,8 @@ class RigConfig:
             out["prescribed"] = self.prescribed.as_dict()
         if self.trip_values or not self.trips_watched:
             out[TRIPS] = {**self.trip_values, **({} if self.trips_watched else {WATCHED: False})}
+        if self.own_trips:
+            out[OWN_TRIPS] = [asdict(one) for one in self.own_trips]
         if self.faults is not None:
             out[FAULTS] = list(self.faults)
         if self.alfa46:
@@ -332,8 +337,7 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
     _check_view(config, node, path)
     if TRIPS not in node:
         return config
-    values, sources = read_trips(node[TRIPS], path, config)
-    return config.replaced(trip_values=values, trip_sources=sources)
+    return read_trips(node[TRIPS], path, config)
 
 
 def _check_errors_given(structure: Structure, node: Map, path: str | Path) -> None:

@@ -20,7 +20,7 @@ from ..plant import part as parts
 from .driveline import bodies_shown
 from .quantities import QUANTITIES
 from .settings import Setting
-from .structure import Device
+from .structure import Device, Transducer
 from .transducer_types import TRANSDUCER_TYPES
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .configuration import RigConfig
 
 TRIPS, WATCHED = "trips", "watched"  # owner of the settings of trips, and that which turns all of them off
+OWN_TRIPS = "own_trips"  # key of a record for the trips that a rig's file describes
 REACTION = "safe state at the next step: coils without current, drive torque off, load relief open"
 RESET = "by hand (rig reset)"
 HYSTERESIS = 0.02  # assumed: share of a limit by which a value must fall below it before its time begins anew
@@ -161,6 +162,18 @@ class Trip:
         }
 
 
+@dataclass(frozen=True)
+class OwnTrip:
+    """A trip that a rig's file describes: what a transducer shows above a limit [SI], or below it, for a delay [s]."""
+
+    name: str
+    signal: str
+    above: bool
+    limit: float
+    delay: float
+    source: str
+
+
 def _shown(dimension: str) -> tuple[str, float]:
     """The unit that people read of a dimension, and the factor to it from SI."""
     of = next((one.quantity for one in TRANSDUCER_TYPES.values() if one.dimension == dimension), dimension)
@@ -208,13 +221,14 @@ def trip_settings(config: RigConfig) -> list[Setting]:
     return out
 
 
-def read_trips(node: Map, path: str | Path, config: RigConfig) -> tuple[dict[str, float], dict[str, str]]:
-    """Return the limits and delays that a rig's file gives itself, and their sources by the names of the trips.
+def read_trips(node: Map, path: str | Path, config: RigConfig) -> RigConfig:
+    """Return a rig with the trips that its file describes, and the limits and delays that it gives the others.
 
     Parameters
     ----------
     node : Map
-        What stands under ``trips``: by name a map with ``limit`` or ``delay``, each [value with unit, "its source"].
+        What stands under ``trips``: by name a map with ``limit`` or ``delay``, each [value with unit, "its source"]; for a trip of
+        its own with ``signal``, a transducer, ``above`` or ``below``, and ``delay`` where it has one.
     path : str or Path
         The file.
     config : RigConfig
@@ -222,8 +236,8 @@ def read_trips(node: Map, path: str | Path, config: RigConfig) -> tuple[dict[str
 
     Returns
     -------
-    tuple of dict
-        Values [SI] as ``RigConfig.trip_values``, and sources.
+    RigConfig
+        The rig with them.
 
     Raises
     ------
@@ -231,19 +245,49 @@ def read_trips(node: Map, path: str | Path, config: RigConfig) -> tuple[dict[str
         With file and line, when something is not right.
     """
     known, values, sources = {trip.name: trip for trip in config.trips}, {}, {}
-    check_keys(path, node, known, (), TRIPS)
-    for name in node:
+    own = [name for name in node if name not in known and isinstance(node[name], Mapping) and "signal" in node[name]]
+    check_keys(path, node, (*known, *own), (), TRIPS)
+    for name in (name for name in node if name in known):
         check_keys(path, node[name], ("limit", "delay"), (), f"{TRIPS}.{name}", where_of(path, node, name))
         for key, entry in node[name].items():
-            where = f"{where_of(path, node[name], key)}: {TRIPS}.{name}.{key}"
-            if not (isinstance(entry, list) and len(entry) == 2 and isinstance(entry[1], str) and entry[1].strip()):
-                raise RigError(f'{where} must be [value with unit, "its source"], found {brief(entry)}')
-            setting = config.settings[f"{TRIPS}.{name}.{key}"]
-            value = quantity(entry[0], setting.dimension, where)
-            if not setting.low <= value <= setting.high:
-                raise RigError(f"{where} is {entry[0]}, outside {setting.span()}")
-            values[f"{name}.{key}"], sources[name] = value, entry[1]
-    return values, sources
+            where, setting = f"{where_of(path, node[name], key)}: {TRIPS}.{name}.{key}", config.settings[f"{TRIPS}.{name}.{key}"]
+            values[f"{name}.{key}"], sources[name] = _sourced(entry, setting, where)
+    trips = tuple(_own_trip(node, path, name, config) for name in own)
+    return config.replaced(trip_values=values, trip_sources=sources, own_trips=trips)
+
+
+def _sourced(entry: object, setting: Setting, where: str) -> tuple[float, str]:
+    """Return value [SI] and source of an entry."""
+    if not (isinstance(entry, list) and len(entry) == 2 and isinstance(entry[1], str) and entry[1].strip()):
+        raise RigError(f'{where} must be [value with unit, "its source"], found {brief(entry)}')
+    value = quantity(entry[0], setting.dimension, where)
+    if not setting.low <= value <= setting.high:
+        raise RigError(f"{where} is {entry[0]}, outside {setting.span()}")
+    return value, entry[1]
+
+
+def _own_trip(node: Map, path: str | Path, name: str, config: RigConfig) -> OwnTrip:
+    """Return a trip that a rig's file describes."""
+    one, line, what = node[name], where_of(path, node, name), f"{TRIPS}.{name}"
+    if not str(name).isidentifier():
+        raise RigError(f"{line}: {what}: the name of a trip has letters, digits and _ only, found {brief(name)}")
+    check_keys(path, one, ("signal", "above", "below", "delay"), ("signal",), what, line)
+    known = {each.name: each for each in _fitted(config)}
+    if one["signal"] not in known:
+        raise RigError(f"{where_of(path, one, 'signal')}: {what}: {unknown('transducer', one['signal'], known)}")
+    side = "above" if "above" in one else "below"
+    if ("above" in one) == ("below" in one):
+        raise RigError(f"{line}: {what} needs one of above and below, with its limit")
+    signal = known[one["signal"]]
+    full = getattr(config.instruments, f"{signal.like}_range")
+    limits = Setting("limit", "", TRANSDUCER_TYPES[signal.type].dimension, 1e-6 * full, full)
+    limit, source = _sourced(one[side], limits, f"{where_of(path, one, side)}: {what}.{side}")
+    delay = 0.0
+    if "delay" in one:
+        delay, _ = _sourced(
+            one["delay"], Setting("delay", "", "time", 0.0, MOST_DELAY), f"{where_of(path, one, 'delay')}: {what}.delay"
+        )
+    return OwnTrip(name, signal.name, side == "above", limit, delay, source)
 
 
 def default_of(config: RigConfig, key: str) -> float | bool:
@@ -274,6 +318,10 @@ def _derived(config: RigConfig) -> Iterator[Trip]:
     if structure.shifts and structure.input:
         yield from _gears(config, {clutch.name: clutch for clutch in packs})
     yield from _transducers(config)
+    shown = {one.name: one for one in _fitted(config)}
+    for own in (own for own in config.own_trips if own.signal in shown):
+        quantity_, dimension = _reading(shown[own.signal]), TRANSDUCER_TYPES[shown[own.signal].type].dimension
+        yield Trip(own.name, quantity_, dimension, own.limit, own.source, TOO_HIGH if own.above else TOO_LOW, own.delay, own.above)
 
 
 def _speeds(config: RigConfig) -> Iterator[Trip]:
@@ -439,12 +487,20 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
         )
 
 
+def _reading(one: Transducer) -> Sum:
+    return Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), TRANSDUCER_TYPES[one.type].signed)
+
+
+def _fitted(config: RigConfig) -> list[Transducer]:
+    return [one for one in config.structure.transducers if getattr(config.instruments, f"{one.like}_fitted", True)]
+
+
 def _transducers(config: RigConfig) -> Iterator[Trip]:
     """A transducer that shows the end of its range, as one does whose wire is broken or shorted."""
-    for one in config.structure.transducers:
+    for one in _fitted(config):
         full = getattr(config.instruments, f"{one.like}_range")
-        if not getattr(config.instruments, f"{one.like}_fitted", True) or one.type == "ratio":
+        if one.type == "ratio":
             continue  # a lever or a throttle may stand at its end
-        shown = Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), TRANSDUCER_TYPES[one.type].signed)
+        shown = _reading(one)
         source = "assumed: the end of its full scale, which no healthy value reaches for so long"
         yield Trip(f"out_of_range_{one.name}", shown, TRANSDUCER_TYPES[one.type].dimension, 0.998 * full, source, ABOVE_RANGE, 0.1)

@@ -1,0 +1,65 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Trips that a rig's file describes on what a transducer shows: they fire, are in the record, and are refused in a sentence."""
+
+import json
+
+import pytest
+
+from rig_nodes.base import RigError
+from rig_nodes.cli.main import main
+from rig_nodes.rig import config_of_record, load_rig
+
+HEAD = "description: a variant\nbase: hydmag\ntrips:\n"
+OWN = '  too_fast: {signal: n_wej, above: [700 rpm, "assumed"], delay: [50 ms, "assumed"]}\n'
+
+
+@pytest.fixture
+def variant(tmp_path):
+    def write(text):
+        (tmp_path / "rig.yaml").write_text(HEAD + text)
+        return tmp_path
+
+    return write
+
+
+def test_a_trip_of_its_own_ends_the_run_and_is_in_its_record(variant, tmp_path, capsys):
+    rig = variant(OWN)
+    assert main(["simulate", "demo", "--rig", str(rig), "--out", str(tmp_path / "run")]) == 1
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert report["run"]["end"]["trip"] == "too_fast"
+    assert report["run"]["end"]["reason"].startswith("trip too_fast: the reading of n_wej is 7")
+    recorded = config_of_record(report["run"]["configuration"], "here")
+    assert recorded.trips[-1].name == "too_fast" and recorded.trips == load_rig(rig).trips
+    capsys.readouterr()
+    assert main(["list", "trips", "--rig", str(rig), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)[-1]["threshold"] == "700 rpm"
+
+
+def test_its_limit_can_be_set_and_it_falls_away_with_its_transducer(variant):
+    rig = variant(OWN)
+    assert load_rig(rig, {"trips.too_fast.limit": "900 rpm"}).trips[-1].limit == pytest.approx(94.248, abs=1e-3)
+    other = variant('  cold: {signal: T_oil, below: [5 degC, "assumed"]}\n')
+    assert [trip.name for trip in load_rig(other).trips][-1] == "cold"
+
+
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ('  fast: {signal: n_wex, above: [700 rpm, "assumed"]}', "there is no transducer 'n_wex'"),
+        ('  fast: {signal: n_wej, above: [700 Nm, "assumed"]}', "is a torque, expected an angular velocity"),
+        ("  fast: {signal: n_wej, above: 700 rpm}", "must be [value with unit"),
+        ("  fast: {signal: n_wej}", "needs one of above and below"),
+        ('  fast: {signal: n_wej, above: [1 rpm, "a"], below: [1 rpm, "a"]}', "needs one of above and below"),
+        ('  fast: {signal: n_wej, above: [90000 rpm, "a"]}', "outside"),
+        ('  fast: {signal: n_wej, above: [1 rpm, "a"], wait: 2}', "unknown key 'wait' in trips.fast"),
+        ('  fast: {above: [1 rpm, "a"]}', "unknown key 'fast' in trips"),
+        ("  fast: 3", "unknown key 'fast' in trips"),
+        ('  a-b: {signal: n_wej, above: [1 rpm, "a"]}', "letters, digits and _"),
+    ],
+)
+def test_what_is_no_trip_is_refused_with_file_and_line(variant, text, sentence):
+    with pytest.raises(RigError) as refused:
+        load_rig(variant(text + "\n"))
+    assert sentence in str(refused.value) and "rig.yaml:4: " in str(refused.value)
