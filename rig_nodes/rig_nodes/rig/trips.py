@@ -382,7 +382,7 @@ def _valve(config: RigConfig, valve: Device) -> Iterator[Trip]:
     """A clutch's pressure that is too high, and a coil whose current does not follow its voltage."""
     values, clutch = getattr(config, valve.name), valve.wires["feeds"]
     watched = Sum(f"pressure of {config.structure.device(clutch).called}", ((f"{config.structure.line_of(clutch)}.pressure", 1.0),))
-    source = f"assumed: a quarter above the highest pressure of {valve.called}, for longer than a spool in cold oil overshoots"
+    source = f"assumed: a quarter above the highest pressure of {valve.called}, for longer than a spool in oil of 0 degC overshoots"
     yield Trip(f"overpressure_{clutch}", watched, "pressure", 1.25 * values.pressure_limit, source, TOO_HIGH, 0.2)
     if valve.name in config.cut_out or not config.effects.current_loop:
         return
