@@ -28,6 +28,7 @@ FEW = (
     ("container", "create_service rig ~/e_stop"),
     ("container", "create_timer rig 0.05"),
     ("alfa46", "create_subscription alfa46 /rig/state"),
+    ("alfa46", "goal_callback alfa46 /controller/shift"),
 )
 WITHIN = 10.0  # s of wall clock on a busy machine
 

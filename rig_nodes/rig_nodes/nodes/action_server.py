@@ -8,7 +8,8 @@ alfa46 (shift) and sequencer (run) use them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from action_msgs.srv import CancelGoal
 from rclpy._rclpy_pybind11 import RCLError
@@ -65,6 +66,13 @@ class GoalServer(ActionServer):
         )
         self._on_cancel = on_cancel
 
+    async def execute(self, taken_data: Any) -> None:
+        """Handle what has come; an exception ends the process as that of any other callback does, where rclpy would keep it."""
+        try:
+            await super().execute(taken_data)
+        except Exception as error:
+            self._node.create_timer(0.0, partial(_throw_of_action, error))
+
     async def _execute_cancel_request(self, request_header_and_message: tuple[object, CancelGoal.Request]) -> None:
         header, request = request_header_and_message
         with self._lock:
@@ -81,6 +89,10 @@ class GoalServer(ActionServer):
             self._handle.send_cancel_response(header, response)
         except RCLError:
             pass  # the client is gone
+
+
+def _throw_of_action(error: Exception) -> NoReturn:
+    raise error
 
 
 def finish(goal: ServerGoalHandle, result: Shift.Result | RunSequence.Result) -> None:
