@@ -1,0 +1,95 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Structures of driveline and hydraulics, each by the rows of the laboratory that it gains and loses: the table of
+docs/background/physics.md.
+
+.venv/bin/python tests/benchmarks/structures_by_rows.py [NUMBER ...] [--jobs N]    # numbers: rows of the table, from 1
+
+Nothing is calibrated again: each structure is the rig with some values changed, so that a row shows what the structure does alone.
+"""
+
+import argparse
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rig_nodes.rigs.hydmag.laboratory.programme import BENCHES, PROCEDURES, choose, summary, validate
+from rig_nodes.runs import Workers
+from rig_nodes.studies import INSIDE
+
+RUN = tuple(name for name in PROCEDURES if name not in BENCHES)
+SHAFT = """\
+description: HydmAG with a compliant input shaft
+base: hydmag
+bodies:
+  rotor: {inertia: [0.6546 kg m2, "0.709 less the gearbox's 0.0544"]}
+  w0: {inertia: [0.0544 kg m2, "thesis tab. 3.2 reduced to w0"]}
+shafts:
+  input_shaft:
+    joins: [rotor, w0]
+    stiffness: [5000 Nm/rad, "assumed: 1 m of steel shaft of 30 mm with its couplings"]
+    damping: [5 Nm s/rad, "assumed"]
+parts:
+  motor: {body: rotor}
+  M_wej: ~
+transducers:
+  M_wej: {type: torque, shows: input_shaft.torque, at: motor, range: [-500 Nm, 500 Nm],
+    sign: positive when the motor drives the gearbox, text: "Torque in the input shaft w0, between motor and gearbox."}
+"""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Changed values, and the text of a rig on the base of hydmag; none for hydmag itself."""
+
+    settings: dict[str, str] = field(default_factory=dict)
+    rig: str = ""
+
+
+STRUCTURES = {
+    "drain bore of ZR-P2 0.22 mm2": Structure({"valve_zr_p2.drain_bore_area": "0.22 mm2"}),
+    "drain bore of ZR-P2 0.35 mm2": Structure({"valve_zr_p2.drain_bore_area": "0.35 mm2"}),
+    "input shaft of 5000 Nm/rad": Structure(rig=SHAFT),
+}
+
+
+def judged(structure, jobs):
+    """Returns (row -> whether it is inside, row -> its role, balanced accuracy of the hold phase) of a structure."""
+    with tempfile.TemporaryDirectory() as folder, Workers(jobs) as workers:
+        rig = "hydmag"
+        if structure.rig:
+            rig = str(Path(folder) / "rig.yaml")
+            Path(rig).write_text(structure.rig)
+        result = validate(choose((), RUN), workers, rig, structure.settings)
+    rows = {row.target.id: row for row in result.rows if row.target.role in ("predict", "calibrate")}
+    inside = {name: row.verdict == INSIDE for name, row in rows.items()}
+    return inside, {name: row.target.role for name, row in rows.items()}, summary(result)["hold_balanced_accuracy"]
+
+
+def main():
+    """Prints the table; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("numbers", type=int, nargs="*", metavar="NUMBER")
+    parser.add_argument("--jobs", type=int, default=2)
+    args = parser.parse_args()
+    if any(not 1 <= number <= len(STRUCTURES) for number in args.numbers):
+        parser.error(f"NUMBER: {args.numbers} are not all rows of the table, 1 to {len(STRUCTURES)}")
+    base, roles, hold = judged(Structure(), args.jobs)
+
+    def counts(inside):
+        return ", ".join(f"{sum(inside[name] for name in roles if roles[name] == role)}" for role in ("predict", "calibrate"))
+
+    print(f"| the rig | {counts(base)} | {hold:.3f} | | |", flush=True)
+    for number, (name, structure) in enumerate(STRUCTURES.items(), 1):
+        if args.numbers and number not in args.numbers:
+            continue
+        inside, _, hold = judged(structure, args.jobs)
+        gained, lost = ([n for n in roles if inside[n] is now and base[n] is not now] for now in (True, False))
+        print(f"| {name} | {counts(inside)} | {hold:.3f} | {', '.join(gained)} | {', '.join(lost)} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
