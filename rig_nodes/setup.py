@@ -24,6 +24,7 @@ def share_files(folder: str, into: str, pattern: str) -> list[tuple[str, list[st
 EXTRAS = {
     "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-common-interfaces"],
     "view": ["rerun-sdk"],
+    "panel": ["tornado"],
     "plugs": ["python-can", "cantools", "pymodbus"],
     "mdf": ["asammdf", "openpyxl", "npTDMS", "h5py"],
     "learn": ["gymnasium"],
@@ -46,6 +47,7 @@ setup(
             "base/*.xml",
             "bags/interfaces/*/msg/*.msg",
             "view/templates/*.html",
+            "nodes/panel/static/*",
             "py.typed",
             "rigs/**/*.yaml",
             "rigs/**/*.csv",

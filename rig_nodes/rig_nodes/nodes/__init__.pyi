@@ -4,6 +4,8 @@
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
 from .live_view import LiveSession as LiveSession
+from .panel.own_rig import OwnRig as OwnRig
+from .panel.server import PanelServer as PanelServer, listening as listening
 from .processes.child import start_server as start_server
 from .processes.dropping import parse_drop as parse_drop
 from .processes.recording_options import TopicChoice as TopicChoice, add_options as add_options, words as words

@@ -87,11 +87,16 @@ class Turned(NamedTuple):
         return f"{shown(one.low, one.unit)} to {shown(one.high, one.unit)}" if one.is_number and math.isfinite(one.low) else ""
 
 
+def read_in(unit: str) -> tuple[str, float]:
+    """Return the unit in which people read a quantity, and the factor to it, from its SI unit."""
+    like = next((one for one in QUANTITIES.values() if one.unit.replace("N.m", "Nm") == unit), None)
+    return (unit, 1.0) if like is None else (like.display, like.scale)
+
+
 def shown(value: float, unit: str) -> str:
     """Return a value [SI] as text in the unit in which people read its quantity."""
-    like = next((one for one in QUANTITIES.values() if one.unit.replace("N.m", "Nm") == unit), None)
-    number, unit = (value, unit) if like is None else (value * like.scale, like.display)
-    return f"{number:.5g} {unit}".rstrip()
+    unit, scale = read_in(unit)
+    return f"{value * scale:.5g} {unit}".rstrip()
 
 
 class RunningRig:

@@ -17,7 +17,7 @@ from .sweep.plan import Plan as Plan, Varied as Varied, make_plan as make_plan, 
 from .sweep.run import forget_unfinished as forget_unfinished, manifest_of as manifest_of, run_sweep as run_sweep
 from .sweep.store import RESULTS as RESULTS, SWEEP as SWEEP, SWEEP_JOURNAL as SWEEP_JOURNAL, Store as Store, begun as begun, decode as decode, open_journal as open_journal, parquet as parquet, read_manifest as read_manifest, rows_of as rows_of
 from .tune.beginning import read_beginnings as read_beginnings
-from .tune.folder import TUNING as TUNING, TUNING_JOURNAL as TUNING_JOURNAL
+from .tune.folder import controller_yaml as controller_yaml, TUNING as TUNING, TUNING_JOURNAL as TUNING_JOURNAL
 from .tune.problem import OBJECTIVES as OBJECTIVES, Range as Range
 from .tune.run import Problem as Problem, run_tuning as run_tuning, tuning_text as tuning_text
 from .tune.search import load_optuna as load_optuna

@@ -3,6 +3,7 @@
 
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
+from .blocks import Blocks as Blocks
 from .campaign import campaign_of_sweep as campaign_of_sweep, figures_of_campaign as figures_of_campaign, read_campaign as read_campaign
 from .chart import Line as Line, chart as chart, front as front, write_charts as write_charts
 from .compare_file import write_compare_file as write_compare_file
@@ -20,5 +21,6 @@ from .page_of_report import Facts as Facts, campaign_page as campaign_page, repo
 from .pages import Pages as Pages
 from .pdf import browser as browser, pdf_of as pdf_of
 from .picture import require_driver as require_driver, take_picture as take_picture
+from .recorded import Envelope as Envelope
 from .shifts_of_bag import figures_of_shifts as figures_of_shifts
 from .viewer import command_for as command_for, has_display as has_display, open_window as open_window

@@ -448,6 +448,8 @@ def _range_of(panel: Panel) -> tuple[float, float]:
     values = values[np.isfinite(values) & ((values > 0.0) | (not panel.log))]
     if panel.log:
         values = np.log10(values)
+    if not len(values):  # nothing was recorded where the figure looks
+        return 0.0, 1.0
     low, high = float(values.min()), float(values.max())
     for one in panel.curves:
         if not one.scales and np.isfinite(one.y).any():

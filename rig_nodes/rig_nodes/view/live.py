@@ -10,7 +10,6 @@ full queue drops its oldest message, the server its oldest data, and the live vi
 from __future__ import annotations
 
 import ctypes
-import re
 import signal
 import socket
 import subprocess
@@ -18,17 +17,16 @@ import tempfile
 import threading
 import time
 from collections import deque
-from contextlib import suppress
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bags import cdr, installed
+from ..bags import cdr
 from ..base import RigError
 from ..rig import Signal, Topic
 from . import layout
+from .blocks import Blocks
 from .convert import import_rerun
 from .curves import log_state_styles, log_style, times
 from .document import event_row
@@ -36,7 +34,6 @@ from .pages import Pages
 from .viewer import PR_SET_PDEATHSIG, program, surroundings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from types import ModuleType
 
     from rerun import RecordingStream
@@ -53,7 +50,6 @@ SERVER_START = 15.0  # s
 FLUSH = 1.0  # s for sending the data that the SDK still holds
 CLOCK_TOPIC = "/rig/state"
 EVENT = "rig_msgs/msg/Event"
-_FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
 def live_topics(pages: Pages) -> list[Topic]:
@@ -305,8 +301,7 @@ class _Shown:
     def __init__(self, pages: Pages, topic: Topic) -> None:
         self.topic, self._pages = topic, pages
         self._signals = pages.known.on_topic(topic.name)
-        self._definition = installed(topic.ros_type)
-        self._dtype = self._definition.dtype()
+        self._blocks = Blocks(topic)
         self._last: int | None = None  # sequence number of the newest message
         self._states: dict[str, int] = {}
 
@@ -319,35 +314,21 @@ class _Shown:
 
     def send(self, rr: ModuleType, rec: RecordingStream, messages: list[bytes], newest: float) -> tuple[int, int]:
         """Send one block; return how many messages are missing before or in it and how many are unreadable."""
-        size = self._dtype.itemsize
-        sound = []
-        for data in messages:
-            if len(data) >= size and data[:2] == cdr.HEADER[:2]:
-                with suppress(ValueError):  # such a message counts as unreadable
-                    sound.append(cdr.frameless(self._definition, data))
-        if not sound:
+        block = self._blocks.of(messages)
+        if block is None:
             return 0, len(messages)
-        rows = np.frombuffer(b"".join(data[:size] for data in sound), self._dtype)
-        t = rows["stamp.sec"].astype(float) + rows["stamp.nanosec"] * 1e-9
         # a user's command may have no stamp; it is placed at the time of its arrival
-        t = np.where(t == 0.0, newest, t)
-        whole = cache(lambda: [cdr.decode(self.topic.ros_type, data) for data in sound])
+        t = np.where(block.times == 0.0, newest, block.times)
         try:
             for shown in self._signals:
-                self._send_signal(rr, rec, shown, t, rows, whole)
+                self._send_signal(rr, rec, shown, t, block.values(shown))
             if self.topic.ros_type == EVENT:
-                self._send_events(rr, rec, t, whole())
+                self._send_events(rr, rec, t, block.whole)
         except ValueError:
             return 0, len(messages)
-        return self._missing(rows["seq"].astype(np.int64)), len(messages) - len(sound)
+        return self._missing(block.rows["seq"].astype(np.int64)), len(messages) - len(block.messages)
 
-    def _send_signal(
-        self, rr: ModuleType, rec: RecordingStream, signal: Signal, t: np.ndarray, rows: np.ndarray, whole: Callable[[], list]
-    ) -> None:
-        field, index = _FIELD.fullmatch(signal.field).groups()
-        # the position of a field after a text differs from message to message
-        values = rows[field] if field in (self._dtype.names or ()) else np.array([getattr(m, field) for m in whole()])
-        values = values if index is None else values[:, int(index)]
+    def _send_signal(self, rr: ModuleType, rec: RecordingStream, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         if not signal.states:
             rec.send_columns(layout.entity(signal), [times(rr, t)], rr.Scalars.columns(scalars=signal.shown(values.astype(float))))
             return

@@ -37,7 +37,7 @@ SETTING_UNITS = {
 }
 
 
-def controller_yaml(settings: Alfa46Config, title: str) -> str:
+def controller_yaml(settings: Alfa46Config, title: str, source: str = "rig tune") -> str:
     """Return settings as the text of a file for ``controller:`` of a rig, in whole ms and mA.
 
     Parameters
@@ -46,6 +46,8 @@ def controller_yaml(settings: Alfa46Config, title: str) -> str:
         The settings.
     title : str
         First comment of the file.
+    source : str
+        Source of the delays between the outputs.
 
     Returns
     -------
@@ -61,9 +63,9 @@ def controller_yaml(settings: Alfa46Config, title: str) -> str:
     lines = [f"# {title}", '# Values are [value with unit, "its source"]; profiles are [time, current] for P1 to P6.', ""]
     for field in fields(Alfa46Values):
         unit = SETTING_UNITS[field.name]
-        source = "rig tune" if field.name in ("t12", "t21", "t23", "t32") else "as in the settings it began from"
+        of = source if field.name in ("t12", "t21", "t23", "t32") else "as in the settings it began from"
         value = getattr(settings.values, field.name) / UNITS[unit][1]
-        lines.append(f'{field.name}: [{value:.10g} {unit}, "{source}"]')
+        lines.append(f'{field.name}: [{value:.10g} {unit}, "{of}"]')
     lines += ["", "# P1-P3 count from switch-on, P4-P6 from switch-off", "profiles:"]
     for key, profile in zip(OUTPUT_KEYS, settings.profiles):
         lines.append(f"  {key}:")

@@ -1,0 +1,322 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The ROS side of the operator's page: what a running rig publishes, and orders by its actions, services and parameters.
+
+nodes.panel.panel uses it from its own thread. One thread serves ROS; its callbacks only store.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
+import rclpy
+from action_msgs.msg import GoalStatus, GoalStatusArray
+from action_msgs.srv import CancelGoal
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from rclpy.action import ActionClient
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future as RosFuture
+from rig_msgs.action import RunSequence, Shift
+from rig_msgs.msg import RunInfo
+from std_srvs.srv import Trigger
+
+from ...base import RigError
+from ..executor import events_executor
+from ..message_class import message_class
+from ..qos import recorder_profile
+from ..running_rig import DIAGNOSTICS, ROS_OWN, RUN_INFO, RefusedByRig
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    from rclpy.client import Client
+
+    from ...rig import Topic
+
+SLICE = 0.01  # s between two looks for orders
+KEPT = 20_000  # messages of one topic that wait for the page's thread, 20 s at 1 kHz; the newest stay
+BEHIND = 0.3  # s by which a busy machine may be behind with a topic, of which then the newest messages are received
+NODE = "panel"
+
+
+class Bench:
+    """A node in the rig's domain, served by a thread of its own.
+
+    Every method may be called from another thread; orders return futures whose error is a RefusedByRig with the reason.
+
+    Parameters
+    ----------
+    domain : int
+        The ROS domain.
+    """
+
+    def __init__(self, domain: int) -> None:
+        rclpy.init(args=[], domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node(NODE, enable_rosout=False, start_parameter_services=False)
+        self._executor = events_executor()
+        self._executor.add_node(self._node)
+        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._stopping = threading.Event()
+        self.failure: Exception | None = None  # what has ended the thread
+        self._inputs: list = []
+        self._clients: dict[str, Client] = {}
+        self._fresh: dict[str, deque[bytes]] = {}
+        self.records: deque[dict] = deque(maxlen=4)  # of rigs that have begun to run, not yet taken
+        self.health: dict[str, Any] = {}  # newest DiagnosticStatus by name
+        self.changed: deque[tuple[str, Any]] = deque(maxlen=KEPT)  # full names and new values of parameters
+        self._node.create_subscription(RunInfo, RUN_INFO, self._on_info, recorder_profile("latched"))
+        self._node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_health, 10)
+        self._node.create_subscription(ParameterEvent, "/parameter_events", self._on_parameters, 1000)
+        self._shift = ActionClient(self._node, Shift, "/controller/shift")
+        self._sequence = ActionClient(self._node, RunSequence, "/sequencer/run")
+        self.progress: dict[str, Any] = {"running": False, "text": ""}  # of the sequence that runs, whoever has started it
+        self.phase = ""  # of the shift that runs
+        names = "/sequencer/run/_action", "/controller/shift/_action"
+        self._node.create_subscription(RunSequence.Impl.FeedbackMessage, f"{names[0]}/feedback", self._on_step, 10)
+        self._node.create_subscription(GoalStatusArray, f"{names[0]}/status", self._on_status, recorder_profile("latched"))
+        self._node.create_subscription(Shift.Impl.FeedbackMessage, f"{names[1]}/feedback", self._on_phase, 10)
+        self._thread = threading.Thread(target=self._serve, name="ros", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._stopping.set()
+        self._thread.join()
+        self._executor.remove_node(self._node)
+        self._node.destroy_node()
+        rclpy.shutdown()
+
+    # ---- what the rig publishes
+
+    def listen(self, topics: Collection[Topic], whole: Collection[str]) -> None:
+        """Receive these topics in place of those before, ``whole`` without gaps; :meth:`take` gives their messages."""
+
+        def begin() -> None:
+            for one in self._inputs:
+                self._node.destroy_subscription(one)
+            self._fresh = {topic.name: deque(maxlen=KEPT) for topic in topics}
+            self._inputs = [
+                self._node.create_subscription(
+                    message_class(topic.ros_type),
+                    topic.name,
+                    keeper(self._fresh[topic.name]),
+                    profile(topic, topic.name in whole),
+                    raw=True,
+                )
+                for topic in topics
+            ]
+
+        self._jobs.put(begin)
+
+    def take(self) -> dict[str, list[bytes]]:
+        """Return the messages that have come since the last call, by topic."""
+        found = {}
+        for topic, waiting in self._fresh.items():
+            if waiting:
+                found[topic] = [waiting.popleft() for _ in range(len(waiting))]
+        return found
+
+    def nodes(self) -> list[str]:
+        """Return the names of all other nodes of the domain."""
+        names = self._node.get_node_names_and_namespaces()
+        found = {f"{space.rstrip('/')}/{name}".lstrip("/") for name, space in names if not name.startswith("_")}
+        return sorted(found - {NODE})
+
+    def _on_info(self, message: RunInfo) -> None:
+        try:
+            self.records.append(json.loads(message.json)["configuration"])
+        except (ValueError, KeyError, TypeError):
+            pass  # not a record of this project's runs
+
+    def _on_health(self, message: DiagnosticArray) -> None:
+        self.health.update((one.name.removeprefix("rig/"), one) for one in message.status)
+
+    def _on_parameters(self, message: ParameterEvent) -> None:
+        for one in (*message.new_parameters, *message.changed_parameters):
+            self.changed.append((f"{message.node.lstrip('/')}.{one.name}", plain(parameter_value_to_python(one.value))))
+
+    def _on_step(self, message: Any) -> None:
+        told = message.feedback
+        self.progress = {"running": True, "step": told.step, "steps": told.steps, "text": told.text}
+
+    def _on_status(self, message: GoalStatusArray) -> None:
+        if any(one.status <= GoalStatus.STATUS_CANCELING for one in message.status_list):
+            self.progress = self.progress | {"running": True}
+        else:
+            self.progress = {"running": False, "text": ""}
+
+    def _on_phase(self, message: Any) -> None:
+        self.phase = message.feedback.phase
+
+    # ---- orders
+
+    def trigger(self, name: str) -> Future:
+        """Call a service of type Trigger; the result is its message."""
+
+        def outcome(answer: Trigger.Response) -> str:
+            if not answer.success:
+                raise RefusedByRig(answer.message)
+            return answer.message
+
+        return self.call(Trigger, name, Trigger.Request(), outcome)
+
+    def set(self, values: Mapping[str, Any]) -> Future:
+        """Set parameters of one node, all or none, by their full names; the result is None."""
+        node = next(iter(values)).partition(".")[0]
+        parameters = [Parameter(name.partition(".")[2], value=value).to_parameter_msg() for name, value in values.items()]
+
+        def outcome(answer: Any) -> None:
+            results = getattr(answer, "results", None) or [answer.result]
+            for one in results:
+                if not one.successful:
+                    raise RefusedByRig(one.reason)
+
+        if len(parameters) == 1:
+            return self.call(SetParameters, f"/{node}/set_parameters", SetParameters.Request(parameters=parameters), outcome)
+        from rcl_interfaces.srv import SetParametersAtomically
+
+        request = SetParametersAtomically.Request(parameters=parameters)
+        return self.call(SetParametersAtomically, f"/{node}/set_parameters_atomically", request, outcome)
+
+    def values(self, node: str) -> Future:
+        """Return the parameters of a node by their full names, without those that ROS gives every node."""
+        result: Future = Future()
+
+        def named(names: list[str]) -> None:
+            wanted = [name for name in names if name not in ROS_OWN]
+
+            def outcome(answer: GetParameters.Response) -> dict[str, Any]:
+                return {f"{node}.{name}": plain(parameter_value_to_python(value)) for name, value in zip(wanted, answer.values)}
+
+            hand_on(self.call(GetParameters, f"/{node}/get_parameters", GetParameters.Request(names=wanted), outcome), result)
+
+        listed = self.call(ListParameters, f"/{node}/list_parameters", ListParameters.Request(), lambda answer: answer.result.names)
+        listed.add_done_callback(lambda done: result.set_exception(e) if (e := done.exception()) else named(done.result()))
+        return result
+
+    def call(self, kind: type, name: str, request: Any, outcome: Callable[[Any], Any]) -> Future:
+        """Call a service; the result is what ``outcome`` makes of its response."""
+        result: Future = Future()
+
+        def begin() -> None:
+            if name not in self._clients:
+                self._clients[name] = self._node.create_client(kind, name)
+            client = self._clients[name]
+            if client.service_is_ready():
+                client.call_async(request).add_done_callback(lambda done: settle(result, lambda: outcome(done.result())))
+            elif not result.cancelled():  # it is new to this node, or its server is away
+                self._jobs.put(begin)
+
+        self._jobs.put(begin)
+        return result
+
+    def shift(self, gear: int) -> Future:
+        """Order a gear by its number; the result is the message on the shift's end."""
+        return self._act(self._shift, Shift.Goal(gear=gear), "the shift controller", f"has no gear {gear}")
+
+    def run_sequence(self, name: str) -> Future:
+        """Start a sequence; the result is the message on its end."""
+        return self._act(self._sequence, RunSequence.Goal(name=name), "the sequencer", "has refused the sequence")
+
+    def cancel_sequence(self) -> Future:
+        """Cancel the sequence that runs, whoever has started it; the result is a sentence."""
+
+        def outcome(answer: CancelGoal.Response) -> str:
+            if answer.return_code != CancelGoal.Response.ERROR_NONE or not answer.goals_canceling:
+                raise RefusedByRig("no sequence that can be aborted runs")
+            return "the sequence is aborted"
+
+        # a request without an id and without a stamp is for all goals (action_msgs/CancelGoal)
+        return self.call(CancelGoal, "/sequencer/run/_action/cancel_goal", CancelGoal.Request(), outcome)
+
+    def _act(self, client: ActionClient, goal: Any, server: str, rejected: str) -> Future:
+        """Send a goal; ``server`` and ``rejected`` make the sentence of a goal that is not accepted."""
+        result: Future = Future()
+
+        def outcome(done: RosFuture) -> str:
+            answer = done.result().result
+            if not answer.success:
+                raise RefusedByRig(answer.message)
+            return answer.message
+
+        def answered(done: RosFuture) -> None:
+            handle = done.result()
+            if handle.accepted:
+                handle.get_result_async().add_done_callback(lambda ended: settle(result, lambda: outcome(ended)))
+            else:
+                settle(result, refuse(f"{server} {rejected}"))
+
+        def begin() -> None:
+            if client.server_is_ready():
+                client.send_goal_async(goal).add_done_callback(answered)
+            else:
+                settle(result, refuse(f"{server} does not answer"))
+
+        self._jobs.put(begin)
+        return result
+
+    # ---- the thread
+
+    def _serve(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                for _ in range(self._jobs.qsize()):
+                    self._jobs.get()()
+                self._executor.spin_until_future_complete(RosFuture(), SLICE)
+        except Exception as error:
+            self.failure = error
+
+
+def profile(topic: Topic, whole: bool) -> QoSProfile:
+    """Return how a topic is received: ``whole``, or as far as this process keeps up."""
+    wanted = recorder_profile(topic.qos)
+    if not whole and topic.rate:
+        wanted.depth = max(10, round(BEHIND * topic.rate))
+        # a reliable reader that falls behind would make the rig's publishers send again
+        wanted.reliability = ReliabilityPolicy.BEST_EFFORT
+    return wanted
+
+
+def keeper(waiting: deque[bytes]) -> Callable[[bytes], None]:
+    """Return the callback that stores messages; rclpy takes no built-in function."""
+    return lambda data: waiting.append(data)
+
+
+def refuse(why: str) -> Callable[[], Any]:
+    """Return a function that raises RefusedByRig."""
+
+    def act() -> None:
+        raise RefusedByRig(why)
+
+    return act
+
+
+def settle(future: Future, outcome: Callable[[], Any]) -> None:
+    """Give a future its result or its error, unless nobody waits for it any more."""
+    if not future.set_running_or_notify_cancel():
+        return
+    try:
+        future.set_result(outcome())
+    except RigError as error:
+        future.set_exception(error)
+
+
+def hand_on(source: Future, target: Future) -> None:
+    """Give a future the outcome of another one."""
+    source.add_done_callback(lambda done: settle(target, done.result))
+
+
+def plain(value: Any) -> bool | float | str | list[float] | None:
+    """Return the value of a parameter with arrays as lists."""
+    return value if isinstance(value, (bool, float, int, str)) or value is None else list(value)

@@ -1,0 +1,196 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a page may ask for: each order is one of the graph's own actions, services or parameters, and is answered with a sentence.
+
+nodes.panel.server hands over what came through a websocket, which may be anything.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING, Any
+
+from rosbag2_interfaces.srv import IsPaused, Pause, Resume, SplitBagfile
+
+from ...base import RigError, brief, unknown
+from .files import save_sequence
+from .panel import PATIENCE
+from .tracks import MOST_SIGNALS, Wish
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from .page import Page
+    from .panel import Panel
+
+LONGEST_SHIFT, LONGEST_SEQUENCE = 30.0, 86_400.0  # s
+POINTS = 6  # of a profile
+LENGTHS = 1e-3, 1.0  # s of a stretch of a chart
+Order = Callable[["Panel", "Page", dict[str, Any]], Awaitable[Any]]
+
+
+async def answered(future: Future, what: str, seconds: float = PATIENCE) -> Any:
+    """Return the result of an order; RigError with ``what`` when nothing comes in time."""
+    try:
+        return await asyncio.wait_for(asyncio.wrap_future(future), seconds)
+    except TimeoutError:
+        raise RigError(f"the rig does not answer: no {what} within {seconds:g} s") from None
+
+
+def text(message: dict[str, Any], key: str) -> str:
+    """Return a text of a message; RigError when it has none."""
+    value = message.get(key)
+    if not isinstance(value, str) or not value or len(value) > 4000:
+        raise RigError(f"'{key}' is {brief(str(value))}, expected a text")
+    return value
+
+
+def numbers(message: dict[str, Any], key: str, count: int) -> list[float]:
+    """Return some finite numbers of a message; RigError when it has not as many."""
+    values = message.get(key)
+    good = isinstance(values, list) and len(values) == count
+    if not good or any(isinstance(v, bool) or not isinstance(v, (int, float)) or not math.isfinite(v) for v in values):
+        raise RigError(f"'{key}' is {brief(str(values))}, expected {count} numbers")
+    return [float(v) for v in values]
+
+
+async def gear(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Order a gear by its number."""
+    number = message.get("gear")
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number <= 255:
+        raise RigError(f"'gear' is {brief(str(number))}, expected the number of a gear")
+    return await answered(panel.bench.shift(number), "end of the shift", LONGEST_SHIFT)
+
+
+async def set_value(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Set a setting as a person writes it, with its unit."""
+    if panel.about is None:
+        raise RigError("no rig answers yet")
+    name, written = text(message, "name"), text(message, "value")
+    one = panel.about.setting(name)
+    value = one.value_of(written, name)
+    await answered(panel.bench.set({name: value if isinstance(value, bool) else float(value)}), f"answer of {one.owner}")
+    return one.sentence(value if isinstance(value, bool) else float(value))
+
+
+async def profile(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Set a whole profile: times [s] and currents [A] of P1 to P6."""
+    key = text(message, "key")
+    if panel.about is None or f"{key}.times" not in panel.about.live:
+        raise RigError(f"there is no output '{brief(key)}' with a profile")
+    values = {f"{key}.{column}": numbers(message, column, POINTS) for column in ("times", "currents")}
+    await answered(panel.bench.set(values), "answer of the controller")
+    return f"profile of {key} set"
+
+
+async def e_stop(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Do the emergency stop."""
+    return await answered(panel.bench.trigger("/rig/e_stop"), "answer of /rig/e_stop")
+
+
+async def reset(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Leave the safe state."""
+    return await answered(panel.bench.trigger("/rig/reset"), "answer of /rig/reset")
+
+
+async def sequence(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Run a sequence by its name, to its end."""
+    return await answered(panel.bench.run_sequence(text(message, "name")), "end of the sequence", LONGEST_SEQUENCE)
+
+
+async def own_sequence(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Save a composed sequence and run it, to its end."""
+    path = save_sequence(message.get("name"), message.get("content"))
+    done = await answered(panel.bench.run_sequence(str(path)), "end of the sequence", LONGEST_SEQUENCE)
+    return f"{done}; it is saved as {path}"
+
+
+async def abort(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Abort the sequence that runs."""
+    return await answered(panel.bench.cancel_sequence(), "answer of the sequencer")
+
+
+async def fault(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Order a fault or its end, as `--fault` takes it."""
+    order = text(message, "order")
+    await answered(panel.bench.set({"rig.fault": order}), "answer of the rig")
+    return f"fault ordered: {order}"
+
+
+async def record(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Pause the recorder, let it go on, begin a new file of the bag, or ask whether it records."""
+    done = {"pause": "the recording is paused", "resume": "the recording goes on", "split": "a new file of the bag has begun"}
+    kinds = {"pause": Pause, "resume": Resume, "split": SplitBagfile, "ask": IsPaused}
+    names = {"split": "split_bagfile", "ask": "is_paused"}
+    what = text(message, "what")
+    if what not in kinds:
+        raise RigError(unknown("order of the recorder", what, kinds))
+    kind, name = kinds[what], f"/recorder/{names.get(what, what)}"
+    answer = await answered(panel.bench.call(kind, name, kind.Request(), lambda response: response), "answer of the recorder")
+    if what != "split":
+        panel.tell({"kind": "recording", "paused": answer.paused if what == "ask" else what == "pause"})
+    return done.get(what, "")
+
+
+async def start(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Start the page's own rig again after its end."""
+    if panel.own is None:
+        raise RigError("this page has joined a rig that somebody else starts")
+    panel.own.start()
+    return "the rig is starting"
+
+
+async def wish(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Take what the page's charts show: signals by name, and the length of a stretch of time [s]."""
+    names, number = message.get("signals"), message.get("number")
+    (length,) = numbers({"length": [message.get("length")]}, "length", 1)
+    if not isinstance(names, list) or len(names) > MOST_SIGNALS or not all(isinstance(one, str) for one in names):
+        raise RigError(f"'signals' is {brief(str(names))}, expected at most {MOST_SIGNALS} names of signals")
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 2**32:
+        raise RigError("'number' must be a whole number from 0 to 2^32 - 1")
+    if not LENGTHS[0] <= length <= LENGTHS[1]:
+        raise RigError(f"'length' is {length:g} s, expected {LENGTHS[0]:g} to {LENGTHS[1]:g} s")
+    page.wish = Wish(number, names, length)
+    panel.wish()
+    return ""
+
+
+ORDERS: dict[str, Order] = {
+    "gear": gear,
+    "set": set_value,
+    "profile": profile,
+    "e_stop": e_stop,
+    "reset": reset,
+    "sequence": sequence,
+    "own sequence": own_sequence,
+    "abort": abort,
+    "fault": fault,
+    "record": record,
+    "start": start,
+    "wish": wish,
+}
+
+
+async def obey(panel: Panel, page: Page, data: str | bytes) -> None:
+    """Do what a page asks for and answer it; what cannot be read is answered with a refusal too."""
+    number = None
+    try:
+        try:
+            message = json.loads(data)
+        except (ValueError, RecursionError):
+            raise RigError("a message to the rig's page must be JSON") from None
+        if not isinstance(message, dict):
+            raise RigError("a message to the rig's page must be a JSON object")
+        number = message.get("id") if isinstance(message.get("id"), int) else None
+        order = ORDERS.get(str(message.get("do")))
+        if order is None:
+            raise RigError(unknown("order", str(message.get("do")), ORDERS))
+        answer, done = await order(panel, page, message), True
+    except RigError as error:
+        answer, done = str(error), False
+    if number is not None or not done:
+        page.tell({"kind": "answer", "id": number, "ok": done, "text": answer})

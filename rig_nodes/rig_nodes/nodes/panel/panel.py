@@ -1,0 +1,277 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The operator's page between graph and browsers: what the rig does goes to every page, at most FRAMES times a second.
+
+nodes.panel.server makes it and runs it in its loop; nodes.panel.orders does what a page asks for.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from ...bags import Fields, cdr
+from ...base import RigError, printable
+from ...controllers import participants
+from ...rig import CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, OWN
+from ..device import own_nodes
+from ..running_rig import STATE, STATES, read_in
+from .description import Description, described
+from .shifts import Shifts
+from .tracks import Tracks
+
+if TYPE_CHECKING:
+    from .bench import Bench
+    from .own_rig import OwnRig
+    from .page import Page
+
+FRAMES = 20  # a second
+SECOND = FRAMES  # ticks between two looks at what changes slowly
+SILENT = 3 * SECOND  # ticks without a message after which the rig counts as away
+EVENTS = 200  # that a new page gets
+EVENT = "rig_msgs/msg/Event"
+LEVELS = ("ok", "warn", "error", "stale")
+PATIENCE = 5.0  # s for the answer to an order that takes no time
+
+
+class Panel:
+    """What all pages have in common.
+
+    Attributes
+    ----------
+    pages : set of Page
+        The open pages.
+    about : Description or None
+        The rig; None before one has been found.
+    values : dict
+        Values of the settings by name [SI].
+
+    Parameters
+    ----------
+    bench : Bench
+        The graph.
+    domain : int
+        Its ROS domain.
+    own : OwnRig or None
+        The rig that the page has started; None for one that it has joined.
+    """
+
+    def __init__(self, bench: Bench, domain: int, own: OwnRig | None) -> None:
+        self.bench, self.domain, self.own = bench, domain, own
+        self.pages: set[Page] = set()
+        self.about: Description | None = None
+        self.tracks: Tracks | None = None
+        self.values: dict[str, Any] = {}
+        self.shifts = Shifts(self.tell)
+        self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
+        self._state: dict[str, Any] = {"kind": "state", "state": "away", "reason": "no rig answers yet"}
+        self._health: dict[str, Any] = {}
+        self._progress: dict[str, Any] = {"kind": "sequence", "running": False, "text": ""}
+        self._count, self._heard = 0, -SILENT - 1
+        self._asked: set[asyncio.Task] = set()
+        self._command: Fields | None = None
+
+    def tell(self, message: dict[str, Any]) -> None:
+        """Send a message to every page."""
+        for page in list(self.pages):
+            page.tell(message)
+
+    def greet(self, page: Page) -> None:
+        """Tell a new page everything that is known."""
+        self.pages.add(page)
+        if self.about is not None:
+            page.tell(self._rig())
+            page.tell({"kind": "values", "values": self._shown(self.values)})
+        for message in (self._state, self._health, self._progress, *self._events, *self.shifts.found):
+            if message:
+                page.tell(message)
+
+    def wish(self) -> None:
+        """Decode what some page shows."""
+        if self.tracks is not None:
+            self.tracks.show({name for page in self.pages if page.wish for name in page.wish.names})
+
+    # ---- twenty times a second
+
+    def tick(self) -> None:
+        """Take what has come and send it on."""
+        self._count += 1
+        if self.bench.failure is not None:
+            raise self.bench.failure
+        while self.bench.records:
+            self._begin(self.bench.records.popleft())
+        taken = self.bench.take()
+        if taken:
+            self._heard = self._count
+        if self.tracks is not None and self.about is not None:
+            if self.tracks.add(taken):
+                self._restart()
+            for topic, known in self.about.config.catalogue.topics.items():
+                if known.ros_type == EVENT and topic in taken:
+                    self._take_events(topic, taken[topic])
+            if STATE in taken:
+                self._take_state(taken[STATE][-1], (taken.get(CONTROLLER_COMMAND) or [b""])[-1])
+            self.shifts.look(self.tracks, self.about.config.catalogue)
+            for page in self.pages:
+                page.send_frame(self.tracks)
+        self._take_values()
+        self._take_progress()
+        for page in list(self.pages):
+            page.send_texts()
+            if page.dropped:
+                self.pages.discard(page)
+        if self._count % SECOND == 0:
+            self._look_slowly()
+
+    def _begin(self, record: dict[str, Any]) -> None:
+        """Take the record of a rig that has begun to run, in place of the one before."""
+        try:
+            self.about = Description(record, self.own.rig if self.own else "")
+        except RigError as error:
+            self.tell({"kind": "note", "text": str(error)})
+            return
+        catalogue = self.about.config.catalogue
+        self.tracks = Tracks(catalogue, STATE)
+        self._command = Fields(catalogue.topics[CONTROLLER_COMMAND].ros_type) if self.about.shifts else None
+        self.values, self._health = {}, {}
+        self.bench.health.clear()
+        self.bench.listen(*self.about.topics())
+        self.shifts.forget()
+        if self.about.shifts:
+            self.shifts.prepare()
+        for page in self.pages:
+            if page.wish:
+                page.wish.restart()
+        self.wish()
+        self.tell(self._rig())
+        for node in sorted({one.owner for one in self.about.live.values()} - {CONTROLLER}) + [CONTROLLER] * self.about.shifts:
+            task = asyncio.get_running_loop().create_task(self._ask_values(node))
+            self._asked.add(task)
+            task.add_done_callback(self._asked.discard)
+
+    def _rig(self) -> dict[str, Any]:
+        assert self.about is not None
+        return {"kind": "rig", "domain": self.domain, "own": self.own is not None} | self.about.whole
+
+    async def _ask_values(self, node: str) -> None:
+        with suppress(RigError, TimeoutError):
+            found = await asyncio.wait_for(asyncio.wrap_future(self.bench.values(node)), 4 * PATIENCE)
+            own = [described(self.about.setting(name)) for name in found if self.about and name.startswith(f"{CONTROLLER}.{OWN}")]
+            if own:
+                self.tell({"kind": "own settings", "settings": own})
+            self._learn(found)
+
+    def _restart(self) -> None:
+        """Time has begun again."""
+        self.shifts.forget()
+        self._events.clear()
+        for page in self.pages:
+            if page.wish:
+                page.wish.restart()
+        self.wish()
+        self.tell({"kind": "restart"})
+
+    # ---- what is told
+
+    def _learn(self, values: dict[str, Any]) -> None:
+        new = {name: value for name, value in values.items() if value is not None and self.values.get(name) != value}
+        self.values |= new
+        if new:
+            self.tell({"kind": "values", "values": self._shown(new)})
+
+    def _take_values(self) -> None:
+        changed = {}
+        while self.bench.changed:
+            name, value = self.bench.changed.popleft()
+            changed[name] = value
+        if self.about is not None and changed:
+            owners = {one.owner for one in self.about.live.values()}
+            self._learn({name: value for name, value in changed.items() if name.partition(".")[0] in owners})
+
+    def _shown(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Return values in the units in which the page shows them; profiles stay SI."""
+        assert self.about is not None
+        found = {}
+        for name, value in values.items():
+            if isinstance(value, float):
+                with suppress(RigError):
+                    found[name] = value * read_in(self.about.setting(name).unit)[1]
+            elif isinstance(value, (bool, list)):
+                found[name] = value
+        return found
+
+    def _take_events(self, topic: str, messages: list[bytes]) -> None:
+        assert self.about is not None and self.tracks is not None
+        for data in messages:
+            try:
+                event = cdr.decode(EVENT, data)
+            except ValueError:
+                continue
+            t = event.header.stamp.sec + event.header.stamp.nanosec * 1e-9
+            told = {"kind": "event", "t": t, "from": topic.split("/")[1], "name": event.name, "text": event.text}
+            self._events.append(told)
+            self.tell(told)
+            if topic == CONTROLLER_EVENTS:
+                self.shifts.event(event.name, t, self.tracks, self.about.config.catalogue)
+
+    def _take_state(self, data: bytes, command: bytes) -> None:
+        try:
+            state = cdr.decode("rig_msgs/msg/RigState", data)
+            gear = self._command.of(command) if command and self._command else None
+        except ValueError:
+            return
+        told = {
+            "kind": "state",
+            "state": STATES[state.state].lower(),
+            "reason": state.reason,
+            "e_stop": bool(state.e_stop),
+            "overruns": int(state.overruns),
+        }
+        if gear is not None:
+            told |= {"gear": int(gear["gear"]), "shifting": bool(gear["shifting"])}
+        elif "gear" in self._state:
+            told |= {"gear": self._state["gear"], "shifting": self._state["shifting"]}
+        if told != self._state:
+            self._state = told
+            self.tell(told)
+
+    def _take_progress(self) -> None:
+        told = {"kind": "sequence", **self.bench.progress}
+        if told != self._progress:
+            self._progress = told
+            self.tell(told)
+
+    def _look_slowly(self) -> None:
+        """Once a second: health, nodes, and whether the rig is there."""
+        ended = self.own.how if self.own and self.own.ended else ""
+        if self._count - self._heard > SILENT and (self._state["state"] != "away" or (ended and ended != self._state["reason"])):
+            why = ended or f"nothing has come from ROS domain {self.domain} for some seconds"
+            self._state = {"kind": "state", "state": "away", "reason": why}
+            self.tell(self._state)
+        own = own_nodes(self.about.config) if self.about else set()
+        told = {
+            "kind": "health",
+            "devices": {
+                name: {
+                    "level": LEVELS[one.level[0]],
+                    "text": one.message,
+                    "values": {value.key: value.value for value in one.values},
+                }
+                for name, one in sorted(self.bench.health.items())
+            },
+            "others": [printable(name) for name in self.bench.nodes() if name not in own],
+            "participants": participants(self.domain),
+            "pages": len(self.pages),
+        }
+        if told != self._health:
+            self._health = told
+            self.tell(told)
+
+    def close(self) -> None:
+        """End what belongs to it."""
+        for task in self._asked:
+            task.cancel()
+        self.shifts.close()

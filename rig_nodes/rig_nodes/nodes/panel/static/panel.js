@@ -1,0 +1,271 @@
+// The operator's page: what the rig tells goes to its place, and every control gives an order and shows its answer where the hand is.
+
+import { Charts } from "./charts.js";
+import { Driveline } from "./driveline.js";
+import { Link, at, make, shown } from "./link.js";
+import { Profiles } from "./profiles.js";
+import { Sequences } from "./sequences.js";
+import { Shifts } from "./shifts.js";
+
+const MOST_EVENTS = 300;
+const link = new Link();
+const charts = new Charts(link);
+const driveline = new Driveline(charts);
+const profiles = new Profiles(link);
+const sequences = new Sequences(link);
+const shifts = new Shifts(link);
+const fields = new Map(); // by setting: function that shows its value
+const faults = new Map(); // by name: its switch
+let rig = null;
+
+history.replaceState(null, "", location.pathname + location.hash); // the token stays in the cookie only
+
+// ---- light and dark
+
+function paint(theme) {
+  document.documentElement.dataset.theme = theme;
+  charts.recolour();
+  shifts.recolour();
+}
+at("theme").onclick = () => {
+  const theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  localStorage.setItem("rig-theme", theme);
+  paint(theme);
+};
+const dark = matchMedia("(prefers-color-scheme: dark)");
+dark.addEventListener("change", () => localStorage.getItem("rig-theme") || paint(dark.matches ? "dark" : "light"));
+document.documentElement.dataset.theme = localStorage.getItem("rig-theme") ?? (dark.matches ? "dark" : "light");
+
+// ---- orders
+
+export function note(text) {
+  const one = make("p", {}, text);
+  at("notes").append(one);
+  setTimeout(() => one.remove(), 9000);
+}
+
+// Gives an order and shows its answer in an element.
+async function order(where, what, more, quiet = false) {
+  try {
+    const answer = await link.ask(what, more);
+    where.textContent = quiet ? "" : answer;
+    where.classList.remove("bad");
+    return true;
+  } catch (error) {
+    where.textContent = error.message;
+    where.classList.add("bad");
+    return false;
+  }
+}
+
+function ask(what, more) {
+  link.ask(what, more).then(note, (error) => note(error.message));
+}
+
+at("e_stop").onclick = () => ask("e_stop");
+at("reset").onclick = () => ask("reset");
+at("start").onclick = () => ask("start");
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && !event.repeat) ask("e_stop");
+});
+
+// ---- the rig
+
+link.on("rig", (message) => {
+  rig = message;
+  document.title = `${message.name} – rig`;
+  at("rig").textContent = message.name;
+  at("about").textContent = `${message.text}; ROS domain ${message.domain}`;
+  fields.clear();
+  gears(message);
+  settings(message.settings);
+  showFaults(message.faults);
+  driveline.rig(message);
+  charts.also = driveline.signals;
+  charts.rig(message);
+  profiles.rig(message);
+  sequences.rig(message);
+  shifts.rig(message);
+});
+
+function gears({ gears: all }) {
+  at("gears").replaceChildren(
+    ...all.map(({ number, name }) => {
+      const button = make("button", { "data-gear": number, "aria-pressed": "false", title: `order gear ${name}` }, number ? name : "N");
+      button.onclick = () => order(at("shifting"), "gear", { gear: number });
+      return button;
+    }),
+  );
+  const [oil, drive] = ["oil", "source"].map((role) => rig.drive.filter((one) => one.role === role).map((one) => one.node.replaceAll("_", " ")).join(" and "));
+  at("hint").textContent = all.length
+    ? `For a first shift: ${oil ? `give the ${oil} its pressure and switch it on, ` : ""}order the first gear, give the ${drive} a speed and switch it on, then order the next gear.`
+    : "This rig has no gears to order.";
+}
+
+// ---- settings
+
+function settings(all) {
+  const drive = all.filter((one) => one.setpoint);
+  const place = (one) => rig.drive.findIndex(({ node }) => node === owner(one));
+  at("setpoints").replaceChildren(...drive.sort((a, b) => place(a) - place(b) || (a.kind === "switch") - (b.kind === "switch")).map((one) => setting(one, true)));
+  at("setting-list").replaceChildren();
+  more(all.filter((one) => !one.setpoint));
+}
+
+const owner = (one) => one.name.split(".")[0];
+
+function more(all) {
+  const groups = new Map();
+  for (const one of all) groups.set(owner(one), [...(groups.get(owner(one)) ?? []), one]);
+  for (const [name, ones] of groups) at("setting-list").append(make("details", { open: groups.size < 3 }, make("summary", {}, name.replaceAll("_", " ")), ...ones.map((one) => setting(one, false))));
+}
+link.on("own settings", ({ settings: all }) => more(all));
+
+at("find").oninput = () => {
+  const wanted = at("find").value.trim().toLowerCase();
+  for (const group of at("setting-list").children) {
+    let any = false;
+    for (const row of group.querySelectorAll(".set")) {
+      row.hidden = !row.dataset.words.includes(wanted);
+      any ||= !row.hidden;
+    }
+    group.hidden = !any;
+    if (wanted) group.open = any;
+  }
+};
+
+function setting(one, slider) {
+  const id = `set ${one.name}`;
+  const said = make("p", { class: "bad", role: "alert", id: `said ${one.name}` });
+  const row = make("div", { class: "set", "data-words": `${one.name} ${one.text}`.toLowerCase(), "data-setting": one.name });
+  const words = make("label", { for: id, title: one.text }, slider ? one.name.replace(".", " ").replaceAll("_", " ") : one.text);
+  if (one.kind === "switch") {
+    const button = make("button", { id, "aria-pressed": "false", "aria-describedby": said.id }, "off");
+    button.onclick = () => order(said, "set", { name: one.name, value: button.getAttribute("aria-pressed") === "true" ? "off" : "on" }, true);
+    fields.set(one.name, (value) => {
+      button.setAttribute("aria-pressed", String(value));
+      button.textContent = value ? "on" : "off";
+    });
+    row.append(words, make("div", { class: "field" }, button), said);
+    return row;
+  }
+  const unit = one.unit === "-" ? "" : one.unit;
+  const field = make("input", { id, type: "text", inputmode: "decimal", autocomplete: "off", "aria-describedby": said.id });
+  const ranged = one.low != null && one.high != null;
+  const pull = slider && ranged ? make("input", { type: "range", min: one.low, max: one.high, step: (one.high - one.low) / 200, "aria-label": one.text }) : null;
+  let held = null;
+  const give = (text) => order(said, "set", { name: one.name, value: /[a-z%°]/i.test(text) || !unit ? text : `${text} ${unit}` }, true).then((good) => good && held != null && show(held));
+  const show = (value) => {
+    held = value;
+    if (document.activeElement !== field || !said.textContent) field.value = shown(value, 5).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "");
+    if (pull && document.activeElement !== pull) pull.value = value;
+  };
+  field.onchange = () => give(field.value.trim().replace(",", "."));
+  field.onblur = () => said.textContent || (held != null && show(held));
+  if (pull) pull.onchange = () => give(String(+(+pull.value).toPrecision(4)));
+  fields.set(one.name, show);
+  const range = ranged ? `${shown(one.low, 4)} to ${shown(one.high, 4)} ${unit}` : "";
+  row.append(make("div", {}, words, make("div", { class: "range" }, range)), make("div", { class: "field" }, field, make("span", { class: "unit" }, unit)), pull ?? "", said);
+  return row;
+}
+
+link.on("values", ({ values }) => {
+  for (const [name, value] of Object.entries(values)) fields.get(name)?.(value);
+  profiles.values(values);
+});
+
+// ---- state, events, devices
+
+link.on("state", (message) => {
+  at("state").textContent = message.e_stop ? "emergency stop" : message.state;
+  at("state").className = `pill ${message.state}`;
+  at("reason").textContent = message.reason ?? "";
+  at("reason").hidden = !message.reason;
+  at("reset").disabled = message.state !== "tripped";
+  at("start").hidden = !(message.state === "away" && rig?.own);
+  for (const button of at("gears").children) button.setAttribute("aria-pressed", String(+button.dataset.gear === message.gear));
+  if (message.shifting) {
+    at("shifting").classList.remove("bad");
+    at("shifting").textContent = "shifting";
+  } else if (at("shifting").textContent === "shifting") at("shifting").textContent = "";
+});
+
+link.on("event", (message) => {
+  const bad = /trip|refused|fail|abort|stop|lost/.test(message.name);
+  at("event-list").prepend(make("li", {}, make("time", {}, `${message.t.toFixed(3)} s`), make("span", { class: bad ? "bad" : "" }, ` ${message.text || message.name}`)));
+  while (at("event-list").children.length > MOST_EVENTS) at("event-list").lastChild.remove();
+  if (/^fault_/.test(message.name)) for (const [name, show] of faults) if (message.text.startsWith(name)) show(message.name);
+});
+link.on("restart", () => at("event-list").replaceChildren());
+
+link.on("health", ({ devices, others, pages, participants }) => {
+  at("device-list").replaceChildren(
+    ...Object.entries(devices).map(([name, { level, text }]) => make("tr", {}, make("th", { scope: "row" }, name), make("td", { class: level === "ok" ? "" : "bad" }, text))),
+  );
+  at("others").textContent = `Open pages: ${pages}. ${others.length ? `Other nodes in the domain: ${others.join(", ")}` : "No other nodes are in the domain"}; ROS participants: ${participants}.`;
+});
+
+link.on("recording", ({ paused }) => {
+  at("rec-pause").textContent = paused ? "Go on with the recording" : "Pause the recording";
+  at("rec-pause").dataset.paused = paused ? "yes" : "";
+});
+at("rec-pause").onclick = () => order(at("rec-said"), "record", { what: at("rec-pause").dataset.paused ? "resume" : "pause" });
+at("rec-split").onclick = () => order(at("rec-said"), "record", { what: "split" });
+for (const [id, ending] of [["rec-bag", "bag.zip"], ["rec-report", "report.html"]]) {
+  at(id).onclick = async () => {
+    at("rec-said").textContent = "being made …";
+    const answer = await fetch(`${ending}?name=${encodeURIComponent(at("rec-name").value)}`);
+    at("rec-said").classList.toggle("bad", !answer.ok);
+    if (!answer.ok) return (at("rec-said").textContent = (await answer.text()).replace(/^rig: /, ""));
+    const address = URL.createObjectURL(await answer.blob());
+    make("a", { href: address, download: `${at("rec-name").value || "recording"}.${ending.split(".")[1]}` }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 60000);
+    at("rec-said").textContent = "";
+  };
+}
+
+// ---- faults
+
+function showFaults(all) {
+  at("no-faults").textContent = all.length ? "" : "Faults are off for this run. Start the page with: ./rig panel RIG --faults";
+  faults.clear();
+  at("fault-list").replaceChildren(
+    ...all
+      .filter((one) => !one.lacking)
+      .map((one) => {
+        const said = make("p", { class: "bad", role: "alert" });
+        const size = one.size ? make("input", { type: "text", inputmode: "decimal", value: shown(one.usual), "aria-label": `${one.name}: ${one.size}` }) : null;
+        const button = make("button", { "aria-pressed": "false", "aria-label": one.name }, "off");
+        button.onclick = () => {
+          const on = button.getAttribute("aria-pressed") === "true";
+          const wanted = size && !on ? `, size=${size.value} ${one.unit}` : "";
+          order(said, "fault", { order: on ? `${one.name}, off=true` : `${one.name}${wanted}` }, true);
+        };
+        faults.set(one.name, (event) => {
+          const on = event !== "fault_off";
+          button.setAttribute("aria-pressed", String(on));
+          button.textContent = on ? "on" : "off";
+        });
+        const range = one.size ? `${one.size}: ${shown(one.low)} to ${shown(one.high)} ${one.unit}` : "";
+        return make("div", { class: "set" }, make("div", {}, make("strong", {}, one.name), ` ${one.text}`, make("div", { class: "range" }, range)), make("div", { class: "field" }, size ?? "", size ? make("span", { class: "unit" }, one.unit) : "", button), said);
+      }),
+  );
+}
+
+// ---- connection
+
+link.on("note", ({ text }) => note(text));
+link.on("open", () => {
+  at("event-list").replaceChildren();
+  link.ask("record", { what: "ask" }).catch(() => {});
+});
+link.on("closed", () => {
+  at("state").textContent = "no connection";
+  at("state").className = "pill away";
+  at("reason").textContent = "The page's server does not answer; it is tried again every second. After a new start of ./rig panel, open the new address.";
+  at("reason").hidden = false;
+});
+link.on("drawn", () => {
+  driveline.draw();
+  if (charts.now != null) at("clock").textContent = `${charts.now.toFixed(1)} s`;
+});
