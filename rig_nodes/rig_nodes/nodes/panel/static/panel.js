@@ -184,10 +184,7 @@ link.on("state", (message) => {
   at("reset").disabled = message.state !== "tripped";
   at("start").hidden = !(message.state === "away" && rig?.own);
   for (const button of at("gears").children) button.setAttribute("aria-pressed", String(+button.dataset.gear === message.gear));
-  if (message.shifting) {
-    at("shifting").classList.remove("bad");
-    at("shifting").textContent = "shifting";
-  } else if (at("shifting").textContent === "shifting") at("shifting").textContent = "";
+  at("gears").setAttribute("aria-busy", String(Boolean(message.shifting)));
 });
 
 link.on("event", (message) => {
