@@ -66,55 +66,6 @@ def tooth_path() -> Description:
     )
 
 
-def feed_per_tooth() -> Description:
-    """Feed per tooth over the stroke."""
-    c, printed = columns("over_stroke"), columns("feed_table")
-
-    def cells(radius: float) -> tuple[list, list]:
-        rows = [
-            k for k, (r, s) in enumerate(zip(printed["radius"], printed["feed"])) if abs(r - radius) < 1e-9 and abs(s - 30) < 1e-9
-        ]
-        return [printed["y"][k] for k in rows], [printed["printed"][k] for k in rows]
-
-    return chart(
-        "Feed per tooth over the stroke, S_0 = 30 mm",
-        "travel y from the top [mm]",
-        "feed per tooth S_z [mm]",
-        [
-            line("r = 0, all teeth", c["y"], c["without"]),
-            Line("r = 0, printed", *cells(0.0), line=False),
-            line("r = 3.25 mm, all teeth", c["y"], c["swing"]),
-            Line("r = 3.25 mm, printed", *cells(3.25), line=False),
-            line("r = 0, formula (8)", c["y"], c["without_by_8"], dashed=True),
-            line("r = 3.25 mm, (8)", c["y"], c["swing_by_8"], dashed=True),
-        ],
-    )
-
-
-def power(run: Recorded) -> Description:
-    """Power of the teeth and of the motor over a turn at the new feed, from the run and by scipy."""
-    c = columns("over_turn")
-    part = slice(int(28.0 / 1e-4), int(29.0 / 1e-4))
-    travel, speed = run["y"][part], run["n_crank"][part]
-    first = int(np.argmin(travel[:2200]))
-    turned = np.cumsum(speed[first:]) * 1e-4
-    last = first + int(np.searchsorted(turned, 2.0 * np.pi))
-    angle = np.degrees(turned[: last - first])
-    motor = (run["M_motor"] * run["n_motor"])[part][first:last]
-    teeth = (run["M_saw"] * run["n_crank"])[part][first:last]
-    return chart(
-        "Power over a turn at 2.1 times the output, motor of 75 kW",
-        "angle of the crank from the top [deg]",
-        "power [kW]",
-        [
-            line("teeth", angle, teeth / 1e3),
-            line("motor", angle, motor / 1e3),
-            line("teeth, scipy", c["angle"], c["teeth"], dashed=True),
-            line("motor, scipy", c["angle"], c["motor"], dashed=True),
-        ],
-    )
-
-
 def speed_dip(runs: dict[str, Recorded]) -> Description:
     """Speed of the crank in the demo, as a mean over each turn."""
     series = []
@@ -132,14 +83,13 @@ def speed_dip(runs: dict[str, Recorded]) -> Description:
 
 def draw() -> None:
     """Write all pictures."""
-    strong = demo(motor_drive__power_limit="75 kW")
     runs = {
-        "75 kW": strong,
+        "75 kW": demo(motor_drive__power_limit="75 kW"),
         "65 kW": demo(motor_drive__power_limit="65 kW"),
         "45 kW": demo(motor_drive__power_limit="45 kW"),
         "75 kW, no swing": demo(**{name.replace(".", "__"): value for name, value in OLD.items()}),
     }
-    figures = {"path": tooth_path(), "feed": feed_per_tooth(), "power": power(strong), "speed": speed_dip(runs)}
+    figures = {"path": tooth_path(), "speed": speed_dip(runs)}
     write_charts(((f"frame_saw_{name}", figure) for name, figure in figures.items()), HERE)
 
 

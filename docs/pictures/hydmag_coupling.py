@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.calculations import Recorded, calculations_of, of_run
+from rig_nodes.runs.calculations import Recorded, of_run
 from rig_nodes.runs.recorded import record
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.view import Description, Line, chart, write_charts
@@ -32,38 +32,21 @@ def demo(rig: str, settings: dict[str, str]) -> Recorded:
     return of_run(record(config, load_sequence("demo", rig=rig)), config)
 
 
-def line(name: str, x: np.ndarray, y: np.ndarray, dashed: bool = False) -> Line:
+def line(name: str, x: np.ndarray, y: np.ndarray) -> Line:
     """A line with a limited number of points."""
     every = max(1, len(x) // POINTS)
     kept = slice(None, None, every)
-    return Line(name, [round(float(v), 4) for v in x[kept]], [round(float(v), 3) for v in y[kept]], marks=False, dashed=dashed)
+    return Line(name, [round(float(v), 4) for v in x[kept]], [round(float(v), 3) for v in y[kept]], marks=False)
 
 
-def characteristic() -> Description:
-    """Torque over twist, both ways, of the rig's straight springs and of the discs."""
-    table = calculations_of(RIG)["characteristic"].table(load_rig(RIG))
-    c = {name: np.array(column) for name, column in zip(table.columns, zip(*table.in_units()))}
-    return chart(
-        "Characteristic of the coupling: winding above, unwinding below",
-        "twist [turns]",
-        "torque [Nm]",
-        [
-            line("straight, winding", c["turns"], c["winding"]),
-            line("straight, unwinding", c["turns"], c["unwinding"]),
-            line("72 discs, winding", c["turns"], c["discs_winding"], dashed=True),
-            line("72 discs, unwinding", c["turns"], c["discs_unwinding"], dashed=True),
-        ],
-    )
-
-
-def shift(runs: dict[str, Recorded], number: int, title: str, begin: float, end: float) -> Description:
-    """Torque at the gearbox's input from begin to end [s] after one order of a gear."""
+def upshift(runs: dict[str, Recorded]) -> Description:
+    """Torque at the gearbox's input around the lock-up of the shift I-II."""
     series = []
     for name, run in runs.items():
-        at = [at for at, event, *_ in run.events if event == ORDERED][number]
-        part = (run.t >= at + begin) & (run.t < at + end)
+        at = [at for at, event, *_ in run.events if event == ORDERED][1]
+        part = (run.t >= at + 0.55) & (run.t < at + 0.95)
         series.append(line(name, 1e3 * (run.t[part] - at), run["M_wej"][part]))
-    return chart(title, "time since the order [ms]", "M_wej [Nm]", series)
+    return chart("Shift I-II of the demo: torque behind the coupling", "time since the order [ms]", "M_wej [Nm]", series)
 
 
 def sweep(folder: Path) -> Description:
@@ -88,12 +71,7 @@ def sweep(folder: Path) -> Description:
 def draw(folder: Path) -> None:
     """Write all pictures."""
     runs = {"without coupling": demo("hydmag", {}), "404 N/mm": demo(RIG, {}), "1600 N/mm": demo(RIG, HARD)}
-    figures = {
-        "characteristic": characteristic(),
-        "up": shift(runs, 1, "Shift I-II of the demo: torque behind the coupling", 0.55, 0.95),
-        "down": shift(runs, 2, "Shift II-I of the demo: torque behind the coupling", 0.35, 0.75),
-        "sweep": sweep(folder),
-    }
+    figures = {"up": upshift(runs), "sweep": sweep(folder)}
     write_charts(((f"hydmag_coupling_{name}", figure) for name, figure in figures.items()), HERE)
 
 

@@ -19,6 +19,8 @@ from rig_nodes.driveline.vibration import modes, response, sensitivities, shown_
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import draw_figure, figure_of_modes
 
+from ..labels import hidden
+
 HEAD = """\
 description: written by a test
 step: [100 us, "test"]
@@ -207,7 +209,9 @@ def test_the_figure_of_modes_has_real_logarithmic_axes_and_names_each_critical_s
     assert response.log and response.across.log
     for curve, ring in zip(response.curves, response.rings):
         assert ring.y == curve.y.max() == np.abs(answer.torques).max(), "the peak in the table is the one that is marked"
-    for axes in draw_figure(described).axes[1:]:
+    picture = draw_figure(described)
+    assert hidden(picture) == hidden(draw_figure(described, width=370)) == []
+    for axes in picture.axes[1:]:
         for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
             assert sum(low <= one <= high for one in axis.get_majorticklocs()) >= 4
 

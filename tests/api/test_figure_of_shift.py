@@ -3,7 +3,6 @@
 
 """The figure of a shift shows the report's own numbers, and no label hides what it shows."""
 
-import itertools
 import json
 import shutil
 import subprocess
@@ -12,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.transforms import Bbox
+from PIL import Image
 
 import rig_nodes
 from rig_nodes.analysis import asked_of_input, bounds_of, moments_of, phases_of, quality_of, read_report, shown_transmission
 from rig_nodes.cli.main import main
 from rig_nodes.view import Pages, figure_of_shift
+
+from ..labels import hidden
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 CASES = ("good", "tie-up", "hole", "interrupted", "three gears")
@@ -41,12 +41,6 @@ def runs():
 
 def described(run, number=1):
     return figure_of_shift(run.report, number, Pages(run.record), run.signals, run.signals.span)
-
-
-def boxes(figure, axes):
-    """Returns the box of each label of a plot [pixels]."""
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    return {text: text.get_window_extent(renderer) for text in axes.texts}
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -130,18 +124,7 @@ def test_curves_differ_axes_have_ticks_and_labels_hide_nothing(runs, case):
         for axes in figure.axes:
             for ticks, (first, last) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
                 assert np.count_nonzero((ticks >= first) & (ticks <= last)) >= 4
-            labels = boxes(figure, axes)
-            for (one, box), (other, beside) in itertools.combinations(labels.items(), 2):
-                assert not box.overlaps(beside), (one.get_text(), other.get_text())
-            assert all(axes.bbox.padded(1).containsx(box.x0) and axes.bbox.padded(1).containsx(box.x1) for box in labels.values())
-            for line in axes.lines:
-                x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
-                shown = (x >= axes.get_xlim()[0]) & (x <= axes.get_xlim()[1]) & np.isfinite(y)
-                if line.get_transform() is not axes.transData or not shown.any() or len(x) == 2:
-                    continue  # leaders and levels
-                for at in (y[shown].argmin(), y[shown].argmax()):
-                    point = axes.transData.transform((x[shown][at], y[shown][at]))
-                    assert not any(Bbox.from_extents(*box.extents).contains(*point) for box in labels.values())
+        assert hidden(figure) == []
         written = {text.get_text() for axes in figure.axes for text in axes.texts}
         curves = [curve for panel in described(run, number).panels for curve in panel.curves if curve.text]
         assert all({curve.text, curve.short} & written for curve in curves)
@@ -226,6 +209,10 @@ def test_the_command_writes_png_and_svg_and_refuses_the_rest(tmp_path, capsys):
     for name, start in (("shift.svg", b"<?xml"), ("shift.png", b"\x89PNG"), ("shift.png", b"\x89PNG")):  # an older one is replaced
         assert main(["report", str(run), "--picture", str(tmp_path / name)]) == 0
         assert (tmp_path / name).read_bytes().startswith(start)
+    light = np.asarray(Image.open(tmp_path / "shift.png").convert("RGB"))
+    assert main(["report", str(run), "--picture", str(tmp_path / "shift.png"), "--dark"]) == 0
+    dark = np.asarray(Image.open(tmp_path / "shift.png").convert("RGB"))
+    assert light.shape == dark.shape and light[0, 0].min() > 240 and dark[0, 0].max() < 60, "the same figure on another ground"
     (tmp_path / "mine.png").write_bytes(b"\x89PNG\r\n of somebody")
     count = len(read_report(run)["shifts"])
     for refused, sentence in (
@@ -233,6 +220,7 @@ def test_the_command_writes_png_and_svg_and_refuses_the_rest(tmp_path, capsys):
         (["--picture", str(tmp_path / "shift.jpg")], "a file that ends in .png or .svg"),
         (["--picture", str(tmp_path / "shift.png"), "--shift", "9"], f"there is no shift 9; the run has {count} shifts"),
         (["--shift", "1"], "--shift says which shift --picture draws; give --picture too"),
+        (["--dark"], "--dark is the ground of --picture; give --picture too"),
     ):
         assert main(["report", str(run), *refused]) != 0
         assert sentence in capsys.readouterr().err

@@ -19,6 +19,8 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import draw_figure, figures_of_campaign, read_campaign
 from rig_nodes.view.figure import POINTS, SOLID
 
+from ..labels import hidden
+
 
 def campaign(folder):
     """Writes reports of a grid of two speeds and three loads, with both ways of shifting."""
@@ -81,12 +83,14 @@ def test_a_metric_is_drawn_over_each_condition_with_a_line_for_each_value_of_the
     assert all((low <= one.y).all() and (one.y <= high).all() for one in lines for low, high in [one.band])
 
 
-def test_each_axis_of_a_campaign_has_four_numbers_and_no_two_lines_look_alike(tmp_path):
+def test_each_axis_of_a_campaign_has_four_numbers_no_two_lines_look_alike_and_labels_hide_nothing(tmp_path):
     (first, _) = figures_of_campaign(read_campaign(campaign(tmp_path / "grid")))
     for panel in first.panels:
         looks = [(one.colour, one.style, one.column) for one in panel.curves]
         assert len(set(looks)) == len(looks)
-    for axes in draw_figure(first).axes:
+    picture = draw_figure(first)
+    assert hidden(picture) == hidden(draw_figure(first, width=370)) == []
+    for axes in picture.axes:
         for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
             assert sum(low <= one <= high for one in axis.get_majorticklocs()) >= 4
 

@@ -9,6 +9,8 @@ import pytest
 import rig_nodes
 from rig_nodes.view import Pages, draw_figure, figures_of_compare, figures_of_run
 
+from ..labels import hidden
+
 RIGS = {"hydmag": "demo", "ural2": "demo", "cylinder_bench": "cylinder_bench"}
 
 
@@ -48,12 +50,14 @@ def test_the_table_of_a_rig_without_shifts_has_the_extremes_of_the_curves(drawn)
 
 
 @pytest.mark.parametrize("rig", RIGS)
-def test_no_two_curves_look_alike_and_each_axis_has_four_numbers(drawn, rig):
+def test_no_two_curves_look_alike_each_axis_has_four_numbers_and_labels_hide_nothing(drawn, rig):
     for figure in drawn(rig)[1]:
         for panel in figure.panels:
             looks = [(one.colour, one.style, one.column) for one in panel.curves]
             assert len(set(looks)) == len(looks), panel.title
-        for axes in draw_figure(figure).axes:
+        picture = draw_figure(figure)
+        assert hidden(picture) == hidden(draw_figure(figure, width=370)) == []
+        for axes in picture.axes:
             for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
                 assert sum(low <= one <= high for one in axis.get_majorticklocs()) >= 4
 
@@ -101,5 +105,6 @@ def test_recordings_are_drawn_from_their_own_orders_with_their_differences(drawn
     for panel in first.panels:
         looks = [(one.colour, one.style) for one in panel.curves]
         assert len(set(looks)) == len(looks)
+    assert hidden(draw_figure(first)) == hidden(draw_figure(second)) == []
     with pytest.raises(rig_nodes.RigError, match="there is no shift 3; the first recording has 2 shifts"):
         compared.plot(3)

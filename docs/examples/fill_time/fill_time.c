@@ -37,7 +37,7 @@ static const double COLDEST = 15.0, WARMEST = 110.0; /* oil [degC]; where nobody
 static const double SLOWEST = 30.0, FASTEST = 260.0, STEADY = 0.03; /* input speed [rad/s]; its change until the knee, as a share */
 static const double EMPTY = 9.0, UNPRESSED = 0.1e6;   /* of the clutch at the order: let go for so long [s], pressure below [Pa] */
 static const double SHARE = 0.7;                      /* of an error, which is learned from one shift */
-static const double STEP = 0.04, LEAST = 0.5, MOST = 2.0; /* limits: per shift [s]; in all, as shares of DATA */
+static const double STEP = 0.08, LEAST = 0.5, MOST = 2.0; /* limits: per shift [s]; in all, as shares of DATA */
 
 enum { REST, FILLING, HOLDING, CLOSING };
 enum { LEARNED, NOT_GEARS, NOT_OIL, NOT_SPEED, NOT_EMPTY, NOT_READ, BROKEN_OFF }; /* verdict on the newest shift */

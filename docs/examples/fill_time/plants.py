@@ -20,7 +20,7 @@ import rig_nodes
 
 HERE = Path(__file__).parent
 SEQUENCE, CONTROLLER = HERE / "shifts.yaml", f"c:{HERE / 'fill_time.c'}"
-SHIFTS, WRONG, LIMIT = 12, 0.3, 10e-3  # of each way; share by which it begins wrong; error to be reached [s]
+SHIFTS, WRONG, LIMIT = 6, 0.3, 10e-3  # of each way; share by which it begins wrong; error to be reached [s]
 LONG = 0.9  # s, longer than any clutch fills: the controller then ends the fill at the knee, so the gearbox shows its own time
 STATE = 5e-3  # s between two recorded states of the plant
 CLEARANCES = {

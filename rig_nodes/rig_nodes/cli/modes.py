@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from .output_files import OutputFile
-from .shared_arguments import add_json, add_set
+from .shared_arguments import add_dark, add_json, add_set, check_dark
 
 if TYPE_CHECKING:
     import argparse
@@ -63,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--picture", type=OutputFile("picture"), metavar="FILE", help="draw shapes, critical speeds, response and spectrum"
     )
+    add_dark(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -80,6 +81,7 @@ def main(args: argparse.Namespace) -> int:
         raise RigError("--window is for the run of --run; give both")
     if args.band and not args.response:
         raise RigError("--band is for --response; give both")
+    check_dark(args)
     config = load_rig(args.rig, parse_settings(args.settings))
     state = analysis.chosen_state(config, args.gear, args.locked)
     body = analysis.exciting_body(config, args.body)
@@ -372,6 +374,6 @@ def _draw(
     figure = figure_of_modes(config, chosen, speeds, answer, recorded)
     if not figure.panels:
         raise RigError(f"--picture: no shaft of the rig '{config.name}' can twist in this state, so there is no shape to draw")
-    write_figure(draw_figure(figure), args.picture)
+    write_figure(draw_figure(figure, args.dark), args.picture)
     if args.json != "-":
         print(f"wrote {args.picture}")

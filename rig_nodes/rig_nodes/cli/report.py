@@ -38,7 +38,7 @@ from ..base import RigError, load_yaml, printable, quoted
 from ..nodes import end_of, facts_of, lost_messages, run_part, what_was_lost
 from .output_files import OutputFile
 from .report_of_runs import is_folder_of_runs, report_folder, write_pages
-from .shared_arguments import add_list
+from .shared_arguments import add_dark, add_list, check_dark
 
 if TYPE_CHECKING:
     import argparse
@@ -67,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--shift", type=int, metavar="N", help="the shift, or of a folder of runs the change of gears, that --picture draws (1)"
     )
+    add_dark(parser)
     add_list(parser, "--limit", "NAME=RANGE", "limits", "judge a result, e.g. t_c='.. 700 ms' or FROM-TO:k='0.95 ..'")
     parser.add_argument("--limits", metavar="FILE", dest="limits_file", help="the same from a .yaml file")
     parser.add_argument(
@@ -84,6 +85,7 @@ def main(args: argparse.Namespace) -> int:
         raise RigError(f"--factor is {args.factor:g}; it is the upper edge of a band around the settled torque, e.g. {FACTOR_B}")
     if args.shift is not None and args.picture is None:
         raise RigError("--shift says which shift --picture draws; give --picture too")
+    check_dark(args)
     annex = (FACTOR_B if args.factor is None else args.factor) if args.annex_a else None
     if args.pdf is not None:
         from ..view import browser
@@ -170,7 +172,7 @@ def _draw(args: argparse.Namespace, report: dict) -> None:
     from ..view import write_figure
 
     shift = 1 if args.shift is None and report["shifts"] else args.shift
-    write_figure(Run(Path(args.run), report).plot(shift), args.picture)
+    write_figure(Run(Path(args.run), report).plot(shift, args.dark), args.picture)
 
 
 def _run_of(bag: Gathered, folder: Path, facts: dict[str, dict]) -> dict:

@@ -114,7 +114,7 @@ def _draw(args: argparse.Namespace, folder: Path) -> None:
     number = args.shift or 1
     if not 1 <= number <= len(drawn):
         raise RigError(f"--shift {number}: these runs have {len(drawn)} changes of gears, each with a figure")
-    write_figure(draw_figure(drawn[number - 1]), args.picture)
+    write_figure(draw_figure(drawn[number - 1], args.dark), args.picture)
 
 
 def _read(folder: Path) -> tuple[str, list[str], list[Member]]:

@@ -7,8 +7,19 @@ from __future__ import annotations
 
 import argparse
 
-from ..base import DEFAULT_RIG
+from ..base import DEFAULT_RIG, RigError
 from .output_files import OutputFile
+
+
+def add_dark(parser: argparse.ArgumentParser) -> None:
+    """Add --dark, the ground of --picture."""
+    parser.add_argument("--dark", action="store_true", help="draw --picture on a dark ground")
+
+
+def check_dark(args: argparse.Namespace) -> None:
+    """Refuse --dark without a picture."""
+    if args.dark and args.picture is None:
+        raise RigError("--dark is the ground of --picture; give --picture too")
 
 
 def add_rig(parser: argparse.ArgumentParser, what: str = "rig, its folder or .yaml file") -> None:

@@ -1,0 +1,36 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the labels of a drawn figure hide; the tests of figures use it."""
+
+import itertools
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+
+def hidden(figure: Figure) -> list[str]:
+    """Returns a sentence for each label that lies over another one, beside its plot or over an extreme of a curve."""
+    renderer, found = FigureCanvasAgg(figure).get_renderer(), []
+    for axes in figure.axes:
+        labels = {text.get_text(): text.get_window_extent(renderer) for text in axes.texts if text.get_text().strip()}
+        for (one, box), (other, beside) in itertools.combinations(labels.items(), 2):
+            if box.overlaps(beside):
+                found.append(f"'{one}' is over '{other}'")
+        plot = axes.bbox.padded(1)
+        found += [f"'{one}' is beyond its plot" for one, box in labels.items() if not (plot.x0 <= box.x0 and box.x1 <= plot.x1)]
+        for line in axes.lines:
+            x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
+            low, high = sorted(axes.get_xlim())
+            shown = (x >= low) & (x <= high) & np.isfinite(y)
+            if line.get_transform() is not axes.transData or not shown.any() or len(x) == 2:
+                continue  # leaders and levels
+            for at in (y[shown].argmin(), y[shown].argmax()):
+                point = axes.transData.transform((x[shown][at], y[shown][at]))
+                found += [
+                    f"'{one}' is over an extreme of {line.get_label()}, {y[shown][at]:.4g} at {x[shown][at]:.4g}"
+                    for one, box in labels.items()
+                    if box.contains(*point)
+                ]
+    return found
