@@ -15,7 +15,7 @@ from rig_nodes.analysis.modes import beside, spectrum, system_of
 from rig_nodes.cli.main import main
 from rig_nodes.driveline.builder import Driveline
 from rig_nodes.driveline.run import run
-from rig_nodes.driveline.vibration import modes, response, sensitivities, shown_frequencies
+from rig_nodes.driveline.vibration import modes, response, sensitivities
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import draw_figure, figure_of_modes
 
@@ -233,27 +233,30 @@ def test_the_peaks_of_a_step_response_are_the_natural_frequencies():
     assert measured == pytest.approx(computed.tolist(), rel=5e-3)
 
 
-def test_check_and_the_peaks_beside_the_modes_say_what_a_step_makes_of_a_stiff_shaft(tmp_path, capsys):
-    """Of 768.8 Hz the trapezoidal rule makes 754.3 Hz at 0.1 ms: nobody is to look for 2 % of detuning in the drive."""
-    stiff = "bodies:\n" + body("a", 0.3) + body("b", 0.05) + "shafts:\n" + shaft("s", "a", "b", 1e6)
-    assert main(["check", written(tmp_path / "stiff", stiff), "--picture", str(tmp_path / "p.svg")]) == 0
-    said = capsys.readouterr().out
-    assert "highest frequency: 768.79 Hz (all open), 0.077 periods a step of 100 us" in said
-    assert "warning: a run shows 754.35 Hz of them, -1.9 %" in said and "a step of at most 23 us" in said
+def test_check_says_the_highest_frequency_and_a_run_of_a_stiff_shaft_shows_it(tmp_path, capsys):
+    """Nobody is to look for detuning in the drive that the step has made."""
+
+    def said(inertia, stiffness):
+        stiff = "bodies:\n" + body("a", 0.3) + body("b", inertia) + "shafts:\n" + shaft("s", "a", "b", stiffness)
+        assert main(["check", written(tmp_path / "stiff", stiff), "--picture", str(tmp_path / "p.svg")]) == 0
+        return capsys.readouterr().out
+
+    usual = said(0.05, 1e6)
+    assert "highest frequency: 768.79 Hz (all open), 0.077 periods a step of 100 us" in usual and "warning" not in usual
+    assert "warning: a step of 100 us resolves oscillations up to 2.04e+05 Hz" in said(1e-6, 1e8)
     d = Driveline()
     d.inertia("a", 0.3)
     d.inertia("b", 0.05)
     d.shaft("s", "a", "b", stiffness=1e6)
     system = d.build()
     natural = modes(system).frequencies.tolist()
-    shown = shown_frequencies(system, natural, 1e-4).tolist()
     found = spectrum(run(system, 1.0, 1e-4, {"a": 100.0}).torque("s"), 1e-4)
-    ((_, _, near, in_steps, off),) = beside(found.peaks[:1], natural, shown)
-    assert near == pytest.approx(768.791, abs=1e-3) and in_steps == pytest.approx(754.345, abs=1e-3) and abs(off) < 1e-3
+    ((_, _, near, off),) = beside(found.peaks[:1], natural)
+    assert near == pytest.approx(768.791, abs=1e-3) and abs(off) < 1e-4
 
 
 def test_check_names_a_shaft_whose_table_makes_a_run_slower_than_real_time(tmp_path, capsys):
-    """At 1e6 Nm/rad between 0.3 and 0.05 kg m2 a step of 0.1 ms took 2.1 ms."""
+    """A part of a step must not let a bend of the table be passed and passed back."""
 
     def said(stiffness):
         table = f'[[[-1 rad, -{stiffness} Nm], [0 rad, 0 Nm], [1 rad, {stiffness} Nm]], "test"]'
@@ -262,8 +265,8 @@ def test_check_names_a_shaft_whose_table_makes_a_run_slower_than_real_time(tmp_p
         assert main(["check", folder, "--picture", str(tmp_path / "p.svg")]) == 0
         return capsys.readouterr().out
 
-    assert "shaft s divides a step of 100 us into up to 819 parts to resolve its table, which takes some 2 ms" in said(1000000)
-    assert "divides" not in said(1000)
+    assert "shaft s divides a step of 100 us into up to 31 parts to resolve its table" in said(1000000000)
+    assert "divides" not in said(1000000)
 
 
 def test_a_harmonic_has_its_frequency_and_its_amplitude_in_the_spectrum():

@@ -84,4 +84,5 @@ def test_half_the_step_has_a_quarter_of_the_error(make):
     errors = [
         np.abs(r.speeds[:: round(1.6e-3 / step)] - fine.speeds[::64]).max() / full for r, step in zip(others, (1.6e-3, 8e-4, 4e-4))
     ]
-    assert errors[2] < 0.09 * errors[0] + 1e-9 and errors[2] < 2e-3 and fine.capped == 0
+    # where a shaft is exact, what is left are the steps in which a bend or a change of modes lies
+    assert errors[2] < 0.09 * errors[0] + 2e-6 and errors[2] < 2e-3 and fine.capped == 0

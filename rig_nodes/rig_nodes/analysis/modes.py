@@ -373,9 +373,9 @@ def recorded(bag: Bag, name: str, window: tuple[float, float] | None = None) -> 
 
 
 def beside(
-    peaks: Sequence[tuple[float, float]], frequencies: Sequence[float], shown: Sequence[float]
-) -> list[tuple[float, float, float | None, float | None, float | None]]:
-    """Return each peak with the natural frequency that the run shows nearest to it.
+    peaks: Sequence[tuple[float, float]], frequencies: Sequence[float]
+) -> list[tuple[float, float, float | None, float | None]]:
+    """Return each peak with the natural frequency nearest to it.
 
     Parameters
     ----------
@@ -383,18 +383,16 @@ def beside(
         Frequencies [Hz] and amplitudes of the peaks.
     frequencies : sequence of float
         The natural frequencies [Hz].
-    shown : sequence of float
-        The same as a run in steps shows them [Hz].
 
     Returns
     -------
     list of tuple
-        Of each peak its frequency, its amplitude, the natural frequency, how the run shows it, and the peak's distance from that as
-        a share; None where there is no natural frequency above 0.
+        Of each peak its frequency, its amplitude, the nearest natural frequency and the peak's distance from it as a share; None
+        where there is no natural frequency above 0.
     """
-    natural = [(run, f) for run, f in zip(shown, frequencies) if f > 0.0]
+    natural = [f for f in frequencies if f > 0.0]
     out = []
     for at, amplitude in peaks:
-        run, near = min(natural, key=lambda one: abs(one[0] - at), default=(None, None))
-        out.append((at, amplitude, near, run, None if run is None else at / run - 1.0))
+        near = min(natural, key=lambda f: abs(f - at), default=None)
+        out.append((at, amplitude, near, None if near is None else at / near - 1.0))
     return out

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..rig import RigConfig
 
 PICTURE = "picture.svg"  # which rig list rigs names, too
-PART_S = 2.5e-6  # s of processor time for a part of a step of two bodies, measured
+PART_S = 5e-6  # s of processor time for a part of a step of two bodies, measured
 HELP = "check the folder of a rig and draw its driveline"
 
 
@@ -100,25 +100,21 @@ def _held_against(rig: str, config: RigConfig) -> Iterator[str]:
 
 
 def _fastest(config: RigConfig) -> Iterator[str]:
-    """Yield the highest natural frequency of all states of the clutches, with a warning where a run shows another one.
-
-    The phase of an oscillation w t is off by (w h)^2 / 12 in steps of h, so that h = sqrt(12 / 1000) / w for a thousandth.
-    """
+    """Yield the highest natural frequency of all states of the clutches, with a warning where a run does not resolve it."""
     from ..analysis import found_in, states_of, system_of
-    from ..driveline import shown_frequencies
+    from ..driveline import highest_resolved
 
     system, step = system_of(config), config.kernel.step
     every = ((max(found_in(system, one).modes.frequencies, default=0.0), one.name) for one in states_of(config))
     highest, state = max(every, key=lambda one: one[0])
     if not system.shafts or highest <= 0.0:
         return
-    shown = float(shown_frequencies(system, [highest], step)[0])
     yield f"highest frequency: {highest:.5g} Hz ({state}), {highest * step:.2g} periods a step of {step * 1e6:g} us"
-    if shown < 0.995 * highest:
-        fine = math.sqrt(0.012) / (2.0 * math.pi * highest)
+    if highest > highest_resolved(step):
+        most = highest_resolved(step)
         yield (
-            f"warning: a run shows {shown:.5g} Hz of them, {100.0 * (shown / highest - 1.0):.2g} %, because its step is too long; "
-            f"a step of at most {fine * 1e6:.2g} us shows it to 0.1 %"
+            f"warning: a step of {step * 1e6:g} us resolves oscillations up to {most:.3g} Hz, and a run shows this one shifted or "
+            f"damped; a step of at most {step * most / highest * 1e6:.2g} us resolves it"
         )
 
 

@@ -70,7 +70,6 @@ def main(args: argparse.Namespace) -> int:
     """Compute and print; return 0."""
     from ..analysis import modes as analysis
     from ..base import RigError
-    from ..driveline import shown_frequencies
     from ..rig import load_rig
     from ..runs import parse_settings
     from .json_output import write_json
@@ -92,7 +91,6 @@ def main(args: argparse.Namespace) -> int:
     critical = analysis.critical_speeds(chosen.modes, body, orders, speeds)
     answer = analysis.response_of(system, state, body, _band(args.band)) if args.response else None
     spectrum = _spectrum(args, chosen) if args.run else None
-    shown = shown_frequencies(system, chosen.modes.frequencies, config.kernel.step).tolist()
     detuned = _detuned(args, config) if args.detune else None
     content = {
         "rig": config.name,
@@ -111,7 +109,7 @@ def main(args: argparse.Namespace) -> int:
     if answer:
         content["response"] = _json_of_response(answer, body)
     if spectrum:
-        content["spectrum"] = _json_of_spectrum(args, *spectrum, chosen, shown)
+        content["spectrum"] = _json_of_spectrum(args, *spectrum, chosen)
     if detuned:
         content["detuning"] = _json_of_detuning(*detuned, config)
     if args.json:
@@ -119,7 +117,7 @@ def main(args: argparse.Namespace) -> int:
     if args.json != "-":
         lines = [*_text(config, chosen, others), *_text_of_speeds(critical, body, orders, speeds)]
         lines += _text_of_response(answer, body, chosen) if answer else []
-        lines += _text_of_spectrum(args.signal, *spectrum, chosen, shown) if spectrum else []
+        lines += _text_of_spectrum(args.signal, *spectrum, chosen) if spectrum else []
         lines += _text_of_detuning(*detuned, config) if detuned else []
         print("\n".join(lines))
     if args.picture:
@@ -263,14 +261,14 @@ def _text_of_response(answer: Response, body: str, chosen: Found) -> Iterator[st
         yield "  a mode without damping has no steady amplitude at its own frequency; what stands here for it is rounding"
 
 
-def _text_of_spectrum(name: str, found: Spectrum, unit: str, chosen: Found, shown: list[float]) -> Iterator[str]:
+def _text_of_spectrum(name: str, found: Spectrum, unit: str, chosen: Found) -> Iterator[str]:
     from ..analysis import beside
 
     yield ""
     yield f"averaged spectrum of {name}, resolution {found.resolution:.3g} Hz: highest peaks"
-    yield f"  {'Hz':>10} {unit or '-':>12} {'computed Hz':>12} {'in steps Hz':>12} {'off by':>9}"
-    for at, size, near, run, off in beside(found.peaks[:MOST_PEAKS], chosen.modes.frequencies.tolist(), shown):
-        yield f"  {at:>10.3f} {size:>12.4g} " + ("" if off is None else f"{near:>12.3f} {run:>12.3f} {100.0 * off:>8.2f}%")
+    yield f"  {'Hz':>10} {unit or '-':>12} {'computed Hz':>12} {'off by':>9}"
+    for at, size, near, off in beside(found.peaks[:MOST_PEAKS], chosen.modes.frequencies.tolist()):
+        yield f"  {at:>10.3f} {size:>12.4g} " + ("" if near is None or off is None else f"{near:>12.3f} {100.0 * off:>8.2f}%")
 
 
 def _text_of_detuning(task: Detuning, found: Detuned, config: RigConfig) -> Iterator[str]:
@@ -325,19 +323,16 @@ def _json_of_response(answer: Response, body: str) -> dict[str, Any]:
     }
 
 
-def _json_of_spectrum(args: argparse.Namespace, found: Spectrum, unit: str, chosen: Found, shown: list[float]) -> dict[str, Any]:
+def _json_of_spectrum(args: argparse.Namespace, found: Spectrum, unit: str, chosen: Found) -> dict[str, Any]:
     from ..analysis import beside
 
-    rows = beside(found.peaks[:MOST_PEAKS], chosen.modes.frequencies.tolist(), shown)
+    rows = beside(found.peaks[:MOST_PEAKS], chosen.modes.frequencies.tolist())
     return {
         "run": args.run,
         "signal": args.signal,
         "unit": unit,
         "resolution_hz": found.resolution,
-        "peaks": [
-            {"frequency_hz": at, "amplitude": size, "computed_hz": near, "shown_in_steps_hz": run, "off": off}
-            for at, size, near, run, off in rows
-        ],
+        "peaks": [{"frequency_hz": at, "amplitude": size, "computed_hz": near, "off": off} for at, size, near, off in rows],
     }
 
 

@@ -4,10 +4,11 @@
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
 from . import algebra as algebra, losses as losses
-from .algebra import E_FRIC as E_FRIC, E_SHAFT as E_SHAFT, E_VISC as E_VISC, HI0 as HI0, HI1 as HI1, KIN0 as KIN0, KIN1 as KIN1, LAM as LAM, LO0 as LO0, LO1 as LO1, LOCK as LOCK, N_CAPPED as N_CAPPED, N_EVENTS as N_EVENTS, TAU as TAU, VISC as VISC, work_size as work_size
+from .algebra import E_FRIC as E_FRIC, E_SHAFT as E_SHAFT, E_VISC as E_VISC, HI0 as HI0, HI1 as HI1, KIN0 as KIN0, KIN1 as KIN1, LAM as LAM, LO0 as LO0, LO1 as LO1, LOCK as LOCK, N_CAPPED as N_CAPPED, N_EVENTS as N_EVENTS, TAU as TAU, VISC as VISC, WORST as WORST, work_size as work_size
 from .bends import parts_of_steps as parts_of_steps
 from .builder import Driveline as Driveline
 from .calls import address_of as address_of, bare_address as bare_address, bare_step as bare_step, call_of as call_of
+from .collocation import highest_resolved as highest_resolved
 from .driven import driven_arrays as driven_arrays, driven_step as driven_step
 from .inputs import Input as Input
 from .law_steps import settled_address as settled_address
@@ -22,4 +23,4 @@ from .small_vectors import add as add, dot as dot, product as product, put as pu
 from .state import Loads as Loads, State as State, Structure as Structure
 from .system import System as System, torque_refused as torque_refused
 from .tables import Table as Table, table_of as table_of
-from .vibration import Modes as Modes, Response as Response, Sensitivities as Sensitivities, modes as modes, response as response, sensitivities as sensitivities, shown_frequencies as shown_frequencies
+from .vibration import Modes as Modes, Response as Response, Sensitivities as Sensitivities, modes as modes, response as response, sensitivities as sensitivities

@@ -34,7 +34,7 @@ LOCK, BREAK, CROSS, FREE, CLOSE = 1, 2, 3, 4, 5
 KIN0, KIN1, LO0, LO1, HI0, HI1, VISC = 0, 1, 2, 3, 4, 5, 6
 LAM, IMPULSE, E_FRIC, E_VISC = 0, 1, 2, 3
 TAU, E_SHAFT = 0, 1
-N_EVENTS, N_CAPPED = 0, 1
+N_EVENTS, N_CAPPED, WORST = 0, 1, 2
 
 RANK = 1e-10  # relative size below which a constraint counts as dependent on the others
 UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
@@ -42,9 +42,10 @@ CLEAR = 1e-9  # share of a torque by which an element at its limit must be overl
 HELD = 2.0**-100  # 1 / (kg m2): inverse inertia of a prescribed speed, which no torque changes
 WEAK = 1e10 * HELD  # below this no free speed takes part in the slip of an element
 REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
-# work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, [4]: see FIRST
-HEAD = 5
+# work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, the rest by name
+HEAD = 7
 FIRST = 4  # work[4]: time from the start of the last step to its first change of modes, or to its end [s]
+RATE, RATE_OF = 5, 6  # work[5]: bound of the fastest rate of shafts and drag [1/s]; work[6]: the set of stuck elements of it
 
 
 @intrinsic
@@ -74,7 +75,7 @@ class Places(NamedTuple):
     """
 
     p: int  # (n, n) acceleration by a force, with the stuck elements held
-    h: int  # (n, n) the same over a step, with all that is implicit
+    h: int  # (n, n) the same over a step, with the drag, without shafts
     r: int  # (m, n) torque of a stuck element by a force
     wm: int  # (m, n), and the next five: scratch of project and implicit
     g: int  # (m, m)
@@ -97,8 +98,18 @@ class Places(NamedTuple):
     torque0: int  # (m,) friction torque at the start
     torque1: int  # (m,) friction torque at the end
     lossy: int  # (m,) 1 for an element whose capacity grows by a loss
+    between: int  # (m,) mean friction torque over the sub-step
+    lag: int  # (n,) integral of the speed times the share of the step, from -1/2 to 1/2 [rad]
+    swing: int  # (s,) integral of the twists over the step [rad s]
+    nodes: int  # (2, 2 n, n), and the rest up to `during` with shafts only: in place of h for each pair of eigenvalues
+    solve: int  # (2 n, 2 n) scratch of make_nodes
+    z: int  # (4, n) real and imaginary parts of both z
+    mean: int  # (n,) mean of the change of speed
+    twice: int  # (n,) mean of its integral
+    moment: int  # (n,) mean of it times the share of the time
+    during: int  # (n,) mean force
     rho: int  # (k, n) torque of each loss by a force
-    z: int  # (k, n) the same by a speed, for elements with drag
+    by_speed: int  # (k, n) the same by a speed, for elements with drag
     given: int  # (k,) torque on which each loss depends, without any loss
     fall: int  # (k, k) its decrease by each loss
     newton: int  # (k, k + 2) Newton's equations and their solution
@@ -117,7 +128,11 @@ def places(n: int, m: int, s: int, k: int) -> Places:
     rate = force + 4 * n
     state = rate + s
     slip0 = state + 5 * m
-    rho = slip0 + 5 * m
+    lag = slip0 + 6 * m
+    nodes = lag + n + s
+    own = n if s > 0 else 0
+    z = nodes + 8 * own * own
+    rho = z + 8 * own
     given = rho + 2 * k * n
     row = given + k + k * k + k * (k + 2)
     return Places(
@@ -145,6 +160,16 @@ def places(n: int, m: int, s: int, k: int) -> Places:
         slip0 + 2 * m,
         slip0 + 3 * m,
         slip0 + 4 * m,
+        slip0 + 5 * m,
+        lag,
+        lag + n,
+        nodes,
+        nodes + 4 * own * own,
+        z,
+        z + 4 * own,
+        z + 5 * own,
+        z + 6 * own,
+        z + 7 * own,
         rho,
         rho + k * n,
         given,
@@ -211,8 +236,17 @@ def unslip(v: Floats, m: int, state: Ints | Floats, first: int, slip: int, orr: 
 
 
 @njit(**INNER)
-def eliminate(work: Floats, oa: int, oh: int, n: int) -> None:
-    """Multiply the (n, n) matrix at oh by the inverse of that at oa, which is overwritten, by Gauss and Jordan with pivots."""
+def swap(work: Floats, one: int, other: int, count: int) -> None:
+    """Exchange count numbers of the work buffer from two places on."""
+    for j in range(count):
+        x = work[one + j]
+        work[one + j] = work[other + j]
+        work[other + j] = x
+
+
+@njit(**INNER)
+def eliminate(work: Floats, oa: int, oh: int, n: int, columns: int) -> None:
+    """Multiply the (n, columns) matrix at oh by the inverse of the (n, n) at oa, which is overwritten, by Gauss and Jordan."""
     noinline()
     short_loops()
     for col in range(n):
@@ -221,23 +255,20 @@ def eliminate(work: Floats, oa: int, oh: int, n: int) -> None:
             if abs(work[oa + i * n + col]) > abs(work[oa + piv * n + col]):
                 piv = i
         if piv != col:
-            for j in range(n):
-                x = work[oa + col * n + j]
-                work[oa + col * n + j] = work[oa + piv * n + j]
-                work[oa + piv * n + j] = x
-                x = work[oh + col * n + j]
-                work[oh + col * n + j] = work[oh + piv * n + j]
-                work[oh + piv * n + j] = x
+            swap(work, oa + col * n, oa + piv * n, n)
+            swap(work, oh + col * columns, oh + piv * columns, columns)
         scale = 1.0 / work[oa + col * n + col]
         for j in range(n):
             work[oa + col * n + j] *= scale
-            work[oh + col * n + j] *= scale
+        for j in range(columns):
+            work[oh + col * columns + j] *= scale
         for i in range(n):
             x = work[oa + i * n + col]
             if i != col and x != 0.0:
                 for j in range(n):
                     work[oa + i * n + j] -= x * work[oa + col * n + j]
-                    work[oh + i * n + j] -= x * work[oh + col * n + j]
+                for j in range(columns):
+                    work[oh + i * columns + j] -= x * work[oh + col * columns + j]
 
 
 @njit(**INNER)
@@ -450,23 +481,30 @@ def stale(d: float, pattern: float, cap: Floats, work: Floats) -> bool:
 
 
 @njit(**INNER)
-def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Floats) -> None:
-    """Compute H = (I + d/2 P B)^-1 P with B = W^T visc W + S^T (c + k d/2) S; H = P where nothing is implicit."""
-    noinline()
+def keep_drag(d: float, w: Floats, cap: Floats, work: Floats, at: Places) -> bool:
+    """Keep the drags for which H is computed for a step d, and how far they may move; return whether there are any."""
     m, n = w.shape
-    s = sh.shape[0]
-    at = places(n, m, s, int(0))
-    op, oh, ob, oa = at.p, at.h, at.b, at.a
-    coupled = s > 0
+    found = False
     for f in range(m):
         moved = 0.0
         for i in range(n):
             for j in range(n):
-                moved += w[f, i] * work[op + i * n + j] * w[f, j]
+                moved += w[f, i] * work[at.p + i * n + j] * w[f, j]
         work[HEAD + m + f] = UNSEEN / max(0.5 * d * moved, UNSEEN * UNSEEN)
         work[HEAD + f] = cap[VISC, f]
         if cap[VISC, f] != 0.0:
-            coupled = True
+            found = True
+    return found
+
+
+@njit(**INNER)
+def implicit(d: float, w: Floats, cap: Floats, work: Floats) -> None:
+    """Compute H = (I + d/2 P B)^-1 P with B = W^T visc W; H = P where there is no drag."""
+    noinline()
+    m, n = w.shape
+    at = places(n, m, int(0), int(0))
+    op, oh, ob, oa = at.p, at.h, at.b, at.a
+    coupled = keep_drag(d, w, cap, work, at)
     for i in range(n * n):
         work[oh + i] = work[op + i]
     work[1] = work[0]
@@ -482,8 +520,6 @@ def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Flo
             total = 0.0
             for f in range(m):
                 total += cap[VISC, f] * w[f, i] * w[f, j]
-            for a in range(s):
-                total += (kc[1, a] + 0.5 * d * kc[0, a]) * sh[a, i] * sh[a, j]
             work[ob + i * n + j] = total
     for i in range(n):
         for j in range(n):
@@ -491,4 +527,4 @@ def implicit(d: float, w: Floats, sh: Floats, kc: Floats, cap: Floats, work: Flo
             for p in range(n):
                 total += 0.5 * d * work[op + i * n + p] * work[ob + p * n + j]
             work[oa + i * n + j] = total
-    eliminate(work, oa, oh, n)
+    eliminate(work, oa, oh, n, n)

@@ -1,11 +1,11 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Divides a step at the bends of a shaft's characteristic, where a contact begins or ends, and so that contacts are resolved.
+"""Divides a step at the bends of a shaft's characteristic, where a contact begins or ends.
 
 Used by driveline/law_steps.py. The mean of a characteristic over a twist has the right energy but spreads the force of a
-contact over the whole step; with the bend at the end of a part the force acts from the contact on. In contact the period of the
-trapezoidal rule is too long by the share (angular frequency times step)^2 / 12, which adds up from contact to contact.
+contact over the whole step; with the bend at the end of a part the force acts from the contact on. Between bends the bare step is
+exact, so that a part has only to be short enough for no bend to be passed and passed back in it.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ import numpy as np
 from rig_nodes.base import INNER, njit
 from rig_nodes.driveline.algebra import noinline
 from rig_nodes.driveline.laws import SHAFT
-from rig_nodes.driveline.tables import Tables, line, piece
+from rig_nodes.driveline.tables import Tables, line, piece, value
 
 if TYPE_CHECKING:
     from rig_nodes.driveline.laws import Laws
     from rig_nodes.driveline.system import System
 
 SEEN = 1e-7  # share of the rate of a twist: a bend that changes the rate by less does not divide the step
-RESOLVED = 0.0015  # rad: most phase of the oscillation of a shaft with changing stiffness that a part of a step covers
-STIFF = 1900.0  # rad/s: above it less phase is allowed, because the errors of more oscillations add up in the same time
-PARTS, PARTS_STIFF = 128, 1024  # most parts of a step, up to STIFF and above it
-NEAR = 1e-4  # share of a change of twist within which a bend counts as at its beginning or end
+RESOLVED = 0.5  # rad: most phase of the oscillation of a shaft with bends that a part of a step covers
+SLIDING = 0.05  # rad: the same with springs that slide, as a part in which one begins to slide is of second order
+PARTS = 64  # most parts of a step
+NEAR = 1e-6  # share of a change of twist within which a bend counts as at its beginning or end
 
 
 @njit(**INNER)
@@ -99,6 +99,24 @@ def bend_inside(laws: Laws, k: int, x: float, dx: float, first: float, last: flo
 
 
 @njit(**INNER)
+def lets_go(laws: Laws, k: int, x: float, dx: float, first: float, last: float, d: float) -> float:
+    """Return the time at which a contact with damping, which only pushes, loses its torque while it opens; d where it does not.
+
+    The parameters are those of :func:`bend_inside`.
+    """
+    noinline()
+    if laws.gap[k] == 0.0 or laws.damping[k] == 0.0 or abs(x) <= laws.gap[k]:
+        return d
+    side = 1.0 if x > 0.0 else -1.0
+    begin = side * (value(laws.tables, k, x) + laws.damping[k] * first)
+    end = side * (value(laws.tables, k, x + dx) + laws.damping[k] * last)
+    if begin <= 0.0 or end >= 0.0:
+        return d
+    share = begin / (begin - end)
+    return share * d if NEAR < share < 1.0 - NEAR else d
+
+
+@njit(**INNER)
 def longest_part(tables: Tables, k: int, x: float, rate: float, stiffness: float, mobility: float, h: float) -> float:
     """Return the longest part of a step h that resolves the oscillation of a shaft at its present stiffness.
 
@@ -130,9 +148,7 @@ def longest_part(tables: Tables, k: int, x: float, rate: float, stiffness: float
     angular = math.sqrt(max(0.0, (slope + stiffness) * mobility))
     if angular == 0.0:
         return np.inf
-    if angular <= STIFF:
-        return max(RESOLVED / angular, h / PARTS)
-    return max(RESOLVED / angular * (STIFF / angular), h / PARTS_STIFF)
+    return max((RESOLVED if stiffness == 0.0 else SLIDING) / angular, h / PARTS)
 
 
 def parts_of_steps(system: System, h: float) -> dict[str, int]:
@@ -155,6 +171,5 @@ def parts_of_steps(system: System, h: float) -> dict[str, int]:
         if law.kind == SHAFT and len(law.table.x) > 2:
             steepest = np.max(np.diff(law.table.y) / np.diff(law.table.x)) + sum(stiffness for stiffness, _ in law.springs)
             angular = math.sqrt(float(steepest) * float(law.of @ system.minv @ law.of))
-            part = RESOLVED * min(1.0, STIFF / angular) / angular if angular > 0.0 else h
-            found[law.name] = min(PARTS if angular <= STIFF else PARTS_STIFF, max(1, math.ceil(h / part)))
+            found[law.name] = min(PARTS, max(1, math.ceil(h * angular / (SLIDING if len(law.springs) else RESOLVED))))
     return found

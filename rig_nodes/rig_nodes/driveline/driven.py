@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rig_nodes.base import STAGE, njit
-from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, lin
+from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, places
 from rig_nodes.driveline.inputs import SAME
 from rig_nodes.driveline.law_steps import jumped, settled_step_at
 from rig_nodes.driveline.laws import CAPACITY, INERTIA, MOTION, TORQUE, Given, LawState, Model, Moving, law_state, laws_of
 from rig_nodes.driveline.lines import share_of
 from rig_nodes.driveline.losses import LAST, OWN, put_losses
-from rig_nodes.driveline.motion import invert, product
+from rig_nodes.driveline.motion import invert, product, work_over
 from rig_nodes.driveline.record import (
     AT,
     KEPT,
@@ -166,7 +166,8 @@ def driven_step(settled: int, bare: int, layout: Ints, h: float, t: float) -> in
     model = Model(bare, structure, floats(begin_of(layout) + layout[AT.mass], n, n), laws_at(layout))
     moving = Moving(loss_at(layout), state, own_at(layout))
     given, turned = Given(Loads(np.empty((2, n)), np.empty((7, m))), np.zeros((3, over_time.default.shape[0]))), np.empty(n)
-    qq, cc = given.loads.q, given.loads.cap
+    qq, cc, by = given.loads.q, given.loads.cap, np.empty((2, n))
+    at = places(n, m, slots, moving.loss.shape[0])
     for k in range(moving.loss.shape[0]):
         for row in range(VISC):
             cap[row, int(moving.loss[k, OWN])] = 0.0
@@ -188,8 +189,8 @@ def driven_step(settled: int, bare: int, layout: Ints, h: float, t: float) -> in
         put(before.q, qq[1])
         put(before.cap, cc)
         for j in range(n):
-            force = 0.5 * (lin(q[0, j], q[1, j], begin) + lin(q[0, j], q[1, j], until))
-            outcome.part_work[0] += force * (state.twist[slots + j] - turned[j])
+            by[0, j], by[1, j] = share_of(q[0, j], q[1, j], begin, until)
+            outcome.part_work[0] += work_over(by, j, state.twist[slots + j] - turned[j], state.work[at.lag + j])
         done = end
     put_losses(moving.loss, cap, int(1), int(LAST))
     accelerate(model, moving.own, cap, before.q, state, outcome.accel)

@@ -50,6 +50,7 @@ from rig_nodes.driveline.algebra import (
     STUCK,
     VISC,
     WEAK,
+    WORST,
     Places,
     beyond,
     has_capacity,
@@ -527,6 +528,7 @@ def resolve(x: float, t: float, structure: Structure, loads: Loads, loss: Floats
     at = places(n, m, structure.sh.shape[0], losses)
     kept = first_set(state.mode, work, at)
     done = solved = False
+    worst = back = int(-1)
     steep = int(-1)  # number of a mesh that turns and could jam in one of the sets
     pivots = 12 * m + 4
     for it in range(pivots + sets_of(losses, cap, work, at)):
@@ -586,6 +588,7 @@ def resolve(x: float, t: float, structure: Structure, loads: Loads, loss: Floats
         return -1 - steep
     if not (done and solved):
         state.count[N_CAPPED] += 1
+        state.count[WORST] = max(worst, back)
     if not done:
         keep_last(it >= pivots, structure, work, at)
     return change_modes(t, w, state, at)

@@ -9,11 +9,11 @@ arrays only, so that one compiled function serves every arrangement. Equations o
 M dv/dt = q - W^T (lam + visc W v) - S^T tau, tau = k twist + c S v, d twist/dt = S v, slip = W v;
 slipping: lam = sign(slip) kin; stuck: slip = 0, lo <= lam <= hi.
 
-With fixed modes the step is the trapezoidal rule, which is exact where there is neither drag nor shaft (acceleration linear,
-speed quadratic in time) and A-stable where there is. Zero slip is a root of the quadratic and overload a root of the linear
-function; with drag or shafts the shortened step is solved again until its end meets the root. An energy is the product of mean
-torque and mean slip. With these energies the trapezoidal rule satisfies work = kinetic + spring energy + losses to rounding,
-for any step, and no loss can become negative. Compared with the exact integrals they are of second order in the step.
+With fixed modes and without shafts the step is the trapezoidal rule, which is exact without drag (acceleration linear, speed
+quadratic in time) and A-stable with it. An energy is the product of mean torque and mean slip: with these the rule satisfies
+work = kinetic energy + losses to rounding, for any step, and no loss can become negative. With shafts the same holds of the
+method of order 8 in driveline/collocation.py. Zero slip is a root of the quadratic and overload a root of the linear function; with
+drag or shafts the shortened step is solved again until its end meets the root.
 """
 
 from __future__ import annotations
@@ -26,23 +26,20 @@ import numpy as np
 from rig_nodes.base import INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
-    CLOSE,
-    CROSS,
     E_FRIC,
-    E_SHAFT,
     E_VISC,
     FIRST,
     FORWARD,
-    FREE,
     IMPULSE,
     LAM,
     N_CAPPED,
     OPEN,
+    RATE,
+    RATE_OF,
     STUCK,
-    TAU,
     VISC,
+    WORST,
     Places,
-    has_capacity,
     high,
     implicit,
     lin,
@@ -57,14 +54,17 @@ from rig_nodes.driveline.algebra import (
     sum_of,
     unslip,
 )
-from rig_nodes.driveline.joint import carried, jammed, note, resolve, stop
-from rig_nodes.driveline.losses import BEFORE, FACTOR, LAST, NEXT, ON, OWN, brakes, end_losses, put_last, put_losses
+from rig_nodes.driveline.begin import begin_step, mark
+from rig_nodes.driveline.collocation import change_by_nodes, fastest_rate, losses_by_nodes, make_nodes, part_of, take_by_nodes
+from rig_nodes.driveline.joint import carried, jammed, resolve, stop
+from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, brakes, end_losses, put_last, put_losses
 
 if TYPE_CHECKING:
-    from rig_nodes.base import Floats
+    from rig_nodes.base import Floats, Ints
     from rig_nodes.driveline.state import Loads, State, Structure
 
 JAM = 1e-3  # share of a step: accuracy of the time at which a mesh jams
+SAME = 1e-9  # share of a sub-step that is rounding
 UNDECIDED = 3  # most failed decisions in a step; one of them takes as much time as a hundred successful ones
 
 
@@ -79,6 +79,8 @@ class Span(NamedTuple):
         Number of the set of stuck elements.
     scale : float
         1 plus the largest speed at the start of the whole step [rad/s], to which slips of rounding size are compared.
+    longest : float
+        Longest sub-step [s].
     watch : bool
         Whether events end the sub-step.
     at : Places
@@ -89,6 +91,7 @@ class Span(NamedTuple):
     done: float
     pattern: float
     scale: float
+    longest: float
     watch: bool
     at: Places
 
@@ -120,67 +123,6 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
     if low >= -tol:
         return np.inf
     return -b / a if b > 0.0 else 0.0
-
-
-@njit(**STAGE)
-def start_modes(t: float, scale: float, w: Floats, cap: Floats, state: State, at: Places) -> tuple[int, bool]:
-    """Set the modes of elements that open, close or slip the other way at the start of a step.
-
-    Returns the number of events, and whether there are elements to be decided jointly.
-    """
-    mode, work, made, joint, tol = state.mode, state.work, 0, False, 1e-12 * scale
-    for f in range(mode.shape[0]):
-        mo = mode[f]
-        work[at.side + f] = 0.0
-        if not has_capacity(cap, f):
-            if mo != OPEN:
-                note(t, f, int(FREE), state)
-                made += 1
-                mode[f] = OPEN
-        elif mo == OPEN or abs(mo) == 1:
-            slip = rate_of(w, f, state.v)
-            if mo == OPEN:
-                if abs(slip) <= tol:
-                    work[at.candidate + f] = 1.0
-                    joint = True
-                else:
-                    mode[f] = FORWARD if slip > 0.0 else BACKWARD
-                    note(t, f, int(CLOSE), state)
-                    made += 1
-            elif mo * slip < -tol:
-                if mo * slip < -1e-6 * scale:
-                    # a capped step has left this mode, or the caller has set another speed
-                    mode[f] = -mo
-                    note(t, f, int(CROSS), state)
-                    made += 1
-                else:
-                    work[at.candidate + f] = 1.0
-                    joint = True
-        elif mo != STUCK:
-            joint = True
-    return made, joint
-
-
-@njit(**STAGE)
-def start_losses(m: int, cap: Floats, loss: Floats, work: Floats, at: Places) -> None:
-    """Mark the elements that losses own, and let the last losses act."""
-    for f in range(m):
-        work[at.lossy + f] = 0.0
-    for k in range(loss.shape[0]):
-        work[at.lossy + int(loss[k, OWN])] = 1.0
-        loss[k, BEFORE] = loss[k, LAST]
-    put_last(loss, cap)
-
-
-@njit(**STAGE)
-def mark(tol: float, w: Floats, state: State, at: Places) -> None:
-    """Mark as candidates all elements that do not slip."""
-    for f in range(state.mode.shape[0]):
-        if abs(state.mode[f]) >= 2:
-            state.work[at.candidate + f] = 1.0
-        elif state.mode[f] != OPEN:
-            if abs(rate_of(w, f, state.v)) <= tol:
-                state.work[at.candidate + f] = 1.0
 
 
 @njit(**STAGE)
@@ -227,15 +169,29 @@ def start_forces(x: float, structure: Structure, loads: Loads, state: State, at:
 
 
 @njit(**INLINED)
+def ends(d: float, span: Span) -> bool:
+    """Return whether a sub-step of d ends the step; equal parts of a step add up to it but for rounding."""
+    return d >= (span.h - span.done) * (1.0 - SAME)
+
+
+@njit(**INLINED)
 def share_at(d: float, span: Span) -> float:
     """Return the share of the whole step at which a sub-step of d ends."""
-    return 1.0 if d == span.h - span.done else (span.done + d) / span.h
+    return 1.0 if ends(d, span) else (span.done + d) / span.h
 
 
 @njit(**STAGE)
 def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> None:
-    """Set the change of the forces, and the torques at the end, over a sub-step of d before losses and anything implicit."""
+    """Set the change of the forces, and the torques at the end, over a sub-step of d before losses and anything implicit.
+
+    The matrices of the implicit part are made where they are not those of this sub-step.
+    """
     w, sh, cap, work, at, n = structure.w, structure.sh, loads.cap, state.work, span.at, state.v.shape[0]
+    if stale(d, span.pattern, cap, work):
+        if sh.shape[0] > 0:
+            make_nodes(d, structure, cap, work)
+        else:
+            implicit(d, w, cap, work)
     xa, xb = span.done / span.h, share_at(d, span)
     if loss is not None:
         put_losses(loss, cap, int(1), int(-1))
@@ -259,6 +215,14 @@ def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss
 
 
 @njit(**STAGE)
+def losses_at_end(d: float, structure: Structure, cap: Floats, loss: Floats, state: State) -> bool:
+    """Set NEXT to the losses at the end of a sub-step of d, from its forces without them; return False where there are none."""
+    if structure.sh.shape[0] > 0:
+        return losses_by_nodes(d, structure, cap, loss, state)
+    return end_losses(d, structure, cap, loss, state)
+
+
+@njit(**STAGE)
 def brake_meshes(structure: Structure, cap: Floats, loss: Floats, state: State, at: Places) -> None:
     """Add the losses at the end of a sub-step to torques and forces."""
     work = state.work
@@ -274,16 +238,15 @@ def brake_meshes(structure: Structure, cap: Floats, loss: Floats, state: State, 
 @njit(**STAGE)
 def change_speeds(d: float, structure: Structure, cap: Floats, state: State, at: Places) -> None:
     """Set the change of the speeds over a sub-step of d, and the slips and torques of stuck elements at its end."""
-    w, sh, kc, work, n = structure.w, structure.sh, structure.kc, state.work, state.v.shape[0]
+    w, work, n = structure.w, state.work, state.v.shape[0]
+    if structure.sh.shape[0] > 0:
+        change_by_nodes(d, structure, cap, state.mode, work, at)
+        return
     for i in range(n):
         total = 0.0
         for j in range(n):
             total += work[at.h + i * n + j] * (work[at.force + j] + 0.5 * work[at.dforce + j])
         work[at.dv + i] = d * total
-    for a in range(sh.shape[0]):
-        torque = (kc[1, a] + 0.5 * d * kc[0, a]) * sum_at(work, at.dv, sh, a)
-        for j in range(n):
-            work[at.dforce + j] -= sh[a, j] * torque
     for f in range(state.mode.shape[0]):
         gain = sum_at(work, at.dv, w, f)
         work[at.slip1 + f] = work[at.slip0 + f] + gain
@@ -379,21 +342,21 @@ def sub_step(
     missed : bool
         Whether the slip reached zero in a longer sub-step only, so that there is no event.
     shorter : bool
-        Whether it ends before a mesh jams, without an event.
+        Whether it ends before a mesh jams, or is one of several parts, without an event.
     jams : int
         Element of a mesh that jams at the start of the sub-step, -1 for none.
     """
-    cap, work, at, left = loads.cap, state.work, span.at, span.h - span.done
-    d = left
-    hit, side, tries, below, above = int(-1), int(0), 0, 0.0, left
-    missed = shorter = False
+    cap, work, at = loads.cap, state.work, span.at
+    d = span.h - span.done
+    if span.longest <= d * (1.0 + SAME):
+        d = span.longest
+    hit, side, tries, below, above = int(-1), int(0), 0, 0.0, d
+    missed, shorter = False, not ends(d, span)
     jams = int(-1)
     while True:
-        if stale(d, span.pattern, cap, work):
-            implicit(d, structure.w, structure.sh, structure.kc, cap, work)
         change_forces(d, span, structure, loads, loss, state)
         if loss is not None and loss.shape[0] > 0:
-            if not end_losses(d, structure, cap, loss, state):
+            if not losses_at_end(d, structure, cap, loss, state):
                 # a mesh jams in this sub-step; halve it until it ends just before that
                 if span.watch:
                     for f in range(state.mode.shape[0]):
@@ -445,46 +408,61 @@ def sub_step(
 
 
 @njit(**STAGE)
-def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> None:
-    """Move the state by the sub-step of d that has been solved."""
-    sh, cap, mode, v, twist, el, work = structure.sh, loads.cap, state.mode, state.v, state.twist, state.el, state.work
-    at, n, slots = span.at, v.shape[0], sh.shape[0]
-    xa, xb = span.done / span.h, share_at(d, span)
-    if 0.0 <= work[FIRST] <= 1e-9 * span.h:
-        work[FIRST] = span.done + d
-    if loss is not None:
-        for k in range(loss.shape[0]):
-            loss[k, LAST] = loss[k, NEXT]
-    stuck = False
+def take_elements(d: float, cap: Floats, mode: Ints, el: Floats, work: Floats, at: Places) -> None:
+    """Set the friction torques at the end of a sub-step without shafts, and add impulses and heat."""
     for f in range(mode.shape[0]):
-        work[at.side + f] = 0.0
         lam = 0.5 * (work[at.torque0 + f] + work[at.torque1 + f])
         slip = 0.5 * (work[at.slip0 + f] + work[at.slip1 + f])
         el[LAM, f] = work[at.torque1 + f]
         el[IMPULSE, f] += d * lam
-        if mode[f] == STUCK:
-            stuck = True
-        elif mode[f] != OPEN:
+        if mode[f] != STUCK and mode[f] != OPEN:
             el[E_FRIC, f] += d * lam * slip  # of rounding size for a locked element
         el[E_VISC, f] += d * cap[VISC, f] * slip * slip
+
+
+@njit(**STAGE)
+def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> None:
+    """Move the state by the sub-step of d that has been solved."""
+    q, mode, v, twist, work = loads.q, state.mode, state.v, state.twist, state.work
+    at, n, slots = span.at, v.shape[0], structure.sh.shape[0]
+    xa, xb = span.done / span.h, share_at(d, span)
+    if loss is not None:
+        for k in range(loss.shape[0]):
+            loss[k, LAST] = loss[k, NEXT]
+    if slots > 0:
+        take_by_nodes(d, xa, xb, structure, loads, state, at)
+    else:
+        take_elements(d, loads.cap, mode, state.el, work, at)
     for j in range(n):
-        force = 0.5 * (lin(loads.q[0, j], loads.q[1, j], xa) + lin(loads.q[0, j], loads.q[1, j], xb))
-        state.e_in[j] += d * force * (v[j] + 0.5 * work[at.dv + j])
+        gain = work[at.mean + j] if slots > 0 else 0.5 * work[at.dv + j]
+        turned = d * (v[j] + gain)
+        if slots == 0:
+            force = 0.5 * (lin(q[0, j], q[1, j], xa) + lin(q[0, j], q[1, j], xb))
+            state.e_in[j] += d * force * (v[j] + gain)
         if twist.shape[0] > slots:
-            twist[slots + j] += d * (v[j] + 0.5 * work[at.dv + j])
+            twist[slots + j] += turned
+        work[at.lag + j] += 0.5 * (xa + xb - 1.0) * turned
         v[j] += work[at.dv + j]
-    for a in range(slots):
-        gain = sum_at(work, at.dv, sh, a)
-        rate = work[at.rate + a] + 0.5 * gain
-        twist[a] += d * rate
-        state.shaft[E_SHAFT, a] += d * structure.kc[1, a] * rate * rate
-        state.shaft[TAU, a] = structure.kc[0, a] * twist[a] + structure.kc[1, a] * (work[at.rate + a] + gain)
+    stuck = False
+    for f in range(mode.shape[0]):
+        work[at.side + f] = 0.0
+        stuck |= mode[f] == STUCK
     if stuck:
         # without this, a locked clutch would creep by rounding over millions of steps
         for f in range(mode.shape[0]):
             if mode[f] == STUCK:
                 work[at.slip1 + f] = rate_of(structure.w, f, v)
         unslip(v, mode.shape[0], mode, int(0), at.slip1, at.r, work)
+
+
+@njit(**STAGE)
+def longest_part(h: float, pattern: float, structure: Structure, cap: Floats, work: Floats) -> float:
+    """Return the longest sub-step of a step h, which shafts divide."""
+    if structure.sh.shape[0] == 0:
+        return h
+    if work[RATE_OF] != pattern:
+        work[RATE], work[RATE_OF] = fastest_rate(structure, cap, work), pattern
+    return part_of(h, work[RATE])
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
@@ -514,15 +492,9 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
     w, cap, work, count = structure.w, loads.cap, state.work, state.count
     m = w.shape[0]
     at = places(state.v.shape[0], m, structure.sh.shape[0], int(0) if loss is None else loss.shape[0])
-    if loss is not None:
-        start_losses(m, cap, loss, work, at)
-    work[FIRST] = 0.0
-    scale = 0.0
-    for j in range(state.v.shape[0]):
-        scale = max(scale, abs(state.v[j]))
-    scale += 1.0
-    made, joint = start_modes(t, scale, w, cap, state, at)
+    scale, made, joint = begin_step(t, structure, cap, loss, state, at)
     done, passes, stalls, undecided = 0.0, 0, 0, 0
+    hit = int(-1)  # element of the last event
     jams = int(-1)  # element of a mesh that jams at this moment
     while True:
         if loss is not None and jams >= 0:
@@ -546,18 +518,24 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
         passes += 1
         if passes == 6 * m + 13:
             count[N_CAPPED] += 1
+            count[WORST] = hit
         if h - done <= 0.0:
             break
         if loss is not None:
             put_last(loss, cap)
         pattern = start_forces(done / h, structure, loads, state, at)
-        span = Span(h, done, pattern, scale, passes <= 6 * m + 12 and undecided <= UNDECIDED, at)
+        longest = longest_part(h, pattern, structure, cap, work)
+        span = Span(h, done, pattern, scale, longest, passes <= 6 * m + 12 and undecided <= UNDECIDED, at)
         d, hit, side, missed, shorter, jams = sub_step(span, structure, loads, loss, state)
         if jams >= 0:
             continue
         if d > 0.0:
             take(d, span, structure, loads, loss, state)
-            done = h if d == h - done else done + d
+            done = h if ends(d, span) else done + d
+            if hit < 0 and shorter and d == longest:
+                passes -= 1  # one of several parts, which does not count as an event
+            elif 0.0 <= work[FIRST] <= 1e-9 * h:
+                work[FIRST] = done
         if hit < 0 and not shorter:
             break
         if hit >= 0:

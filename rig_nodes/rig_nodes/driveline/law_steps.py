@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rig_nodes.base import ALLOCATES, INNER, STAGE, njit, types
-from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED, noinline
-from rig_nodes.driveline.bends import bend_inside, longest_part
+from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED, WORST, noinline, places
+from rig_nodes.driveline.bends import bend_inside, lets_go, longest_part
 from rig_nodes.driveline.calls import address_of, bare_step, call_of, step_types
 from rig_nodes.driveline.joint import JAMMED
 from rig_nodes.driveline.laws import MOTION, SHAFT, Given, Laws, LawState, Model, Moving, law_state, laws_of
-from rig_nodes.driveline.lines import Lines, Part, are_met, expect, leave_lines, make_lines, new_lines
+from rig_nodes.driveline.lines import Lines, Part, expect, leave_lines, make_lines, new_lines, worst_law
 from rig_nodes.driveline.losses import LAST
 from rig_nodes.driveline.motion import (
     Turned,
@@ -36,6 +36,7 @@ from rig_nodes.driveline.motion import (
     moved_by,
     product,
     work_of,
+    work_over,
 )
 from rig_nodes.driveline.state import Loads, State, Structure, copied, put, put_row, restore
 
@@ -66,6 +67,9 @@ def law_step(model: Model, given: Given, moving: Moving, h: float, t: float) -> 
     """Take a step of h from t like `driveline_step`, with laws; return False where a law was not met."""
     noinline()
     met = True
+    state, n, slots = moving.state, moving.state.v.shape[0], model.structure.sh.shape[0]
+    lag, turned = np.zeros(n), np.empty(n)
+    at = places(n, state.mode.shape[0], slots, moving.loss.shape[0])
     done, size, cuts, most, failed = 0.0, h, 0, 6 * moving.state.mode.shape[0] + 12, 0
     while done < h:
         left = h - done
@@ -75,17 +79,24 @@ def law_step(model: Model, given: Given, moving: Moving, h: float, t: float) -> 
         end = 1.0 if d == left else (done + d) / h
         # once halving has not helped, the rest of the step is taken even if the laws are not met
         last = not met or d <= h * 0.5**HALVINGS or failed >= FAILURES
+        for j in range(n):
+            turned[j] = state.twist[slots + j]
         reached = try_step(model, given, moving, Part(d, t + done, done / h, end), last, cuts < most and d > 1e-9 * h)
         if 0.0 < reached < d:
             size = reached
             cuts += 1
         elif reached == d or last:
             met = met and reached == d
+            for j in range(n):
+                middle, turn = 0.5 * (done / h + end - 1.0), state.twist[slots + j] - turned[j]
+                lag[j] += middle * turn + (end - done / h) * state.work[at.lag + j]
             done = h if d == left else done + d
             size = h if cuts > 0 or not met else 2.0 * d
         else:
             size = 0.5 * d
             failed += 1
+    for j in range(n):
+        state.work[at.lag + j] = lag[j]
     return met
 
 
@@ -109,6 +120,7 @@ def first_bend(since: float, d: float, laws: Laws, lines: Lines, inverse: Floats
             first, final = product(laws.of[k], before), product(laws.of[k], after)
             mobility = mobility_of(laws.of[k], inverse)
             since = min(since, bend_inside(laws, k, lines.start[k], lines.way[k], first, final, d, mobility))
+            since = min(since, lets_go(laws, k, lines.start[k], lines.way[k], first, final, d))
     return since
 
 
@@ -134,24 +146,29 @@ def leave_motions(
         The state before it.
     """
     state, own, n, slots = moving.state, moving.own, moving.state.v.shape[0], structure.sh.shape[0]
-    gained, turned, twist0 = np.empty(n), np.empty(n), before.twist[:slots].copy()
+    gained, turned, twist0, twisted, swing = np.empty(n), np.empty(n), before.twist[:slots].copy(), np.empty(slots), np.empty(slots)
+    at = places(n, state.mode.shape[0], slots, moving.loss.shape[0])
     others = 0.0
     for j in range(n):
         gained[j], turned[j] = state.v[j] - before.v[j], state.twist[slots + j] - before.twist[slots + j]
-        others += 0.5 * (loads.q[0, j] + loads.q[1, j]) * turned[j]
-        state.e_in[j] = before.e_in[j] + 0.5 * (loads.q[0, j] + loads.q[1, j]) * turned[j]
+        work = work_over(loads.q, j, turned[j], state.work[at.lag + j])
+        others += work
+        state.e_in[j] = before.e_in[j] + work
     for k in range(laws.kind.shape[0]):
         if laws.slot[k] >= 0:
             twist0[laws.slot[k]] = 0.0
+    for a in range(slots):
+        twisted[a], swing[a] = state.twist[a] - twist0[a], state.work[at.swing + a]
     for k in range(laws.kind.shape[0]):
         if laws.kind[k] == MOTION:
             j = moved_by(laws.on[k])
-            part = Turned(gained, turned, state.el[IMPULSE] - before.el[IMPULSE], twist0, state.twist)
+            part = Turned(gained, turned, state.el[IMPULSE] - before.el[IMPULSE], twisted, swing)
             impulse = impulse_of(j, d, mass, structure, loads, part)
             own.torque[k] = impulse / d / laws.on[k, j]
-            if not broken:
+            if not broken and slots == 0:
                 own.work[0] += impulse / d * turned[j]
-    if broken:
+    # with shafts a torque that varies in the part has another work than that of its mean
+    if broken or slots > 0:
         own.work[0] += work_of(mass, structure.kc, before, state, twist0, others)
 
 
@@ -175,7 +192,7 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
         prescribe(part, laws, given.factors, before.v, moved, gains)
         if not heavy:
             hold(mass, moved, inverse)
-    met = False
+    met, worst = False, int(-1)
     for attempt in range(TRIES):
         if attempt > 0:
             put(loss, loss0)
@@ -195,7 +212,8 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
             work[0] = -1.0
         work[1] = -1.0
         bare_step(model.bare, d, part.t, Structure(inverse, w, sh, lines.kc), lines.loads, loss, state)
-        met = are_met(d, laws, moving, before, lines)
+        worst = worst_law(d, laws, moving, before, lines)
+        met = worst < 0
         # where the kernel could not decide which elements stick, more attempts at the same part take long and do not help
         if met or (attempt >= 3 and state.count[N_CAPPED] > before.count[N_CAPPED]):
             break
@@ -218,6 +236,8 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
         leave_motions(d, inside or struck, mass, structure, Loads(pushes, lines.loads.cap), laws, moving, before)
     leave_lines(part, laws, given, moving, before, lines)
     if not met:
+        if state.count[N_CAPPED] == before.count[N_CAPPED]:
+            state.count[WORST] = state.mode.shape[0] + worst
         state.count[N_CAPPED] += 1
         return 0.0
     return d
@@ -236,7 +256,7 @@ def settle(model: Model, given: Given, moving: Moving, d: float, t: float) -> No
         moving.loss[k, LAST] = 0.0
     state.work[1] = -1.0
     x = copied(state)
-    aside = State(x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, np.zeros((0, 3)), np.zeros(2, np.int64), x.work)
+    aside = State(x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, np.zeros((0, 3)), np.zeros(3, np.int64), x.work)
     copy = LawState(own.at.copy(), own.torque.copy(), own.spring.copy(), own.way.copy(), own.work.copy())
     law_step(model, Given(loads, factors), Moving(moving.loss, aside, copy), d, t)
     state.work[1] = -1.0
@@ -312,13 +332,13 @@ class LawRows(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def run_laws(settled: int, model: Model, given: Given, moving: Moving, t: Floats, rows: Rows, law_rows: LawRows) -> None:
-    """Take a step to each time after the first and record the state there; settled is an address."""
+def run_laws(settled: int, model: Model, given: Given, moving: Moving, t: Floats, h: Floats, rows: Rows, law_rows: LawRows) -> None:
+    """Take a step of each length h from each time t and record the state after it; settled is an address."""
     q, cap, own = given.loads.q, given.loads.cap, moving.own
     for i in range(q.shape[0]):
         fresh = i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1])
         now = Given(Loads(q[i], cap[i]), given.factors[i])
-        settled_step_at(settled, model, now, moving, t[i + 1] - t[i], t[i], fresh)
+        settled_step_at(settled, model, now, moving, h[i], t[i], fresh)
         put_row(rows, i, moving.state)
         put(law_rows.torque[i], own.torque)
         put(law_rows.at[i], own.at)

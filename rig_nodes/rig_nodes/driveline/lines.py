@@ -321,9 +321,12 @@ def turned_by(k: int, laws: Laws, before: State, state: State, slots: int) -> fl
 
 
 @njit(**STAGE)
-def are_met(d: float, laws: Laws, moving: Moving, before: State, lines: Lines) -> bool:
-    """Return whether the lines are those for the changes of the arguments in a part of d, which are expected from now on."""
-    state, slots, met = moving.state, lines.kc.shape[1], True
+def worst_law(d: float, laws: Laws, moving: Moving, before: State, lines: Lines) -> int:
+    """Return the law whose line is furthest from that for the change of its argument in a part of d; -1 where all are met.
+
+    These changes are expected from now on.
+    """
+    state, slots, worst, most = moving.state, lines.kc.shape[1], int(-1), CLOSE
     for k in range(laws.kind.shape[0]):
         kind, slot = laws.kind[k], laws.slot[k]
         if not laws.angle[k]:
@@ -346,9 +349,10 @@ def are_met(d: float, laws: Laws, moving: Moving, before: State, lines: Lines) -
             w1 = product(laws.on[k], state.v)
             error, scale = inertia_error(k, d, dx, product(laws.on[k], before.v), w1, laws, lines)
             lines.slope[k] = w1
-        met = met and error <= CLOSE * scale
+        if not error <= most * scale:
+            worst, most = k, error / scale
         lines.way[k] = dx
-    return met
+    return worst
 
 
 @njit(**INLINED)

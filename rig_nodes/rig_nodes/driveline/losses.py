@@ -244,7 +244,7 @@ def end_losses(d: float, structure: Structure, cap: Floats, loss: Floats, state:
     m, n = w.shape
     k = loss.shape[0]
     at = places(n, m, sh.shape[0], k)
-    oh, orho, oz = at.h, at.rho, at.z
+    oh, orho, oz = at.h, at.rho, at.by_speed
     for a in range(k):
         for j in range(n):
             total = 0.0

@@ -147,15 +147,15 @@ class Turned(NamedTuple):
         Change [rad/s] and integral [rad] of the speeds.
     impulse : (m,) array
         Impulse of each friction element without its drag [Nm s].
-    twist0, twist : (s,) arrays
-        Twists of the shafts before and after [rad].
+    twisted, swing : (s,) arrays
+        Changes [rad] and integrals [rad s] of the twists of the shafts.
     """
 
     gained: Floats
     turned: Floats
     impulse: Floats
-    twist0: Floats
-    twist: Floats
+    twisted: Floats
+    swing: Floats
 
 
 @njit(**INNER)
@@ -187,9 +187,18 @@ def impulse_of(j: int, d: float, mass: Floats, structure: Structure, loads: Load
         if w[f, j] != 0.0:
             total += w[f, j] * (part.impulse[f] + loads.cap[VISC, f] * product(w[f], part.turned))
     for a in range(sh.shape[0]):
-        mean = 0.5 * (part.twist0[a] + part.twist[a])
-        total += sh[a, j] * (d * kc[0, a] * mean + kc[1, a] * (part.twist[a] - part.twist0[a]))
+        total += sh[a, j] * (kc[0, a] * part.swing[a] + kc[1, a] * part.twisted[a])
     return total
+
+
+@njit(**INNER)
+def work_over(q: Floats, j: int, turned: float, lag: float) -> float:
+    """Return the work of force j of q (2, n), linear over a step in which its speed has turned by an angle and has a lag [J].
+
+    The lag is the integral of the speed times the share of the step, from -1/2 to 1/2, in the work buffer of the bare step [rad].
+    """
+    noinline()
+    return 0.5 * (q[0, j] + q[1, j]) * turned + (q[1, j] - q[0, j]) * lag
 
 
 @njit(**INNER)

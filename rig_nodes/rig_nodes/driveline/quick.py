@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of a driveline with laws, lossy meshes or inputs over time in which no mode changes: most steps of such a rig.
+"""One step of a driveline with laws, lossy meshes or inputs over time, without shafts, in which no mode changes.
 
 The engine calls it before driveline/driven.py, which takes the steps that this one leaves. The equations are those of
 driveline/law_steps.py. Where that module repeats a step, this one uses Newton's method: the slope of every law over the
@@ -18,7 +18,6 @@ from rig_nodes.base import INLINED, STAGE, njit, types
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_FRIC,
-    E_SHAFT,
     E_VISC,
     FORWARD,
     HI0,
@@ -31,7 +30,6 @@ from rig_nodes.driveline.algebra import (
     LO1,
     OPEN,
     STUCK,
-    TAU,
     VISC,
     eliminate,
     has_capacity,
@@ -57,7 +55,6 @@ from rig_nodes.driveline.quick_laws import (
     FINAL,
     FORCE,
     GAINED,
-    LEAD,
     MADE,
     PUSH0,
     PUSH1,
@@ -68,7 +65,6 @@ from rig_nodes.driveline.quick_laws import (
     TORQUE1,
     TURN,
     TURNED,
-    TWIST0,
     Quick,
     are_met,
     dot,
@@ -137,7 +133,7 @@ def make_matrix(q: Quick) -> None:
                 share *= 0.5 * h * q.by_law[EXTRA, k]
                 for j in range(n):
                     work[oa + i * n + j] += share * laws.of[k, j]
-    eliminate(work, oa, oh, n)
+    eliminate(work, oa, oh, n, n)
 
 
 @njit(**INLINED)
@@ -171,7 +167,7 @@ def put_inputs(over_time: OverTime, h: float, t: float, loads: Loads, by_input: 
 
 @njit(**INLINED)
 def start_elements(q: Quick, tol: float) -> tuple[float, bool, bool]:
-    """Set slips and shafts at the start.
+    """Set slips, and rates of the rows among the shafts, at the start.
 
     Returns
     -------
@@ -198,8 +194,6 @@ def start_elements(q: Quick, tol: float) -> tuple[float, bool, bool]:
         bit *= 2.0
     for a in range(sh.shape[0]):
         by_slot[TURN, a] = dot(sh, a, q.by_speed, DV)
-        by_slot[TWIST0, a] = q.state.twist[a]
-        by_slot[LEAD, a] = 0.0
     return pattern, stuck, slipping
 
 
@@ -229,7 +223,7 @@ def put_forces(q: Quick) -> bool:
         by_speed[FORCE, j], by_speed[FINAL, j] = q.loads.q[0, j], q.loads.q[1, j]
     for a in range(sh.shape[0]):
         turn = q.by_slot[TURN, a]
-        torque = q.by_slot[LEAD, a] + kc[0, a] * q.by_slot[TWIST0, a] + kc[1, a] * turn
+        torque = kc[1, a] * turn
         push_speeds(by_speed, sh, a, -torque, -(torque + kc[0, a] * q.h * turn))
     for f in range(mode.shape[0]):
         mo = mode[f]
@@ -363,8 +357,8 @@ def is_quiet(q: Quick, tol: float, slipping: bool) -> bool:
 def take(q: Quick, loads: Loads, outcome: Outcome, stuck: bool) -> None:
     """Move speeds, elements and shafts to the end of the step; loads are those of the rig's parts."""
     short_loops()
-    state, h, cap, by_element, by_slot, by_speed = q.state, q.h, loads.cap, q.by_element, q.by_slot, q.by_speed
-    v, mode, el, shaft, kc, slots = state.v, state.mode, state.el, state.shaft, q.structure.kc, q.structure.sh.shape[0]
+    state, h, cap, by_element, by_speed = q.state, q.h, loads.cap, q.by_element, q.by_speed
+    v, mode, el, slots = state.v, state.mode, state.el, q.structure.sh.shape[0]
     for k in range(q.loss.shape[0]):
         q.loss[k, BEFORE] = q.loss[k, LAST]
         q.loss[k, LAST] = q.loss[k, NEXT]
@@ -386,11 +380,6 @@ def take(q: Quick, loads: Loads, outcome: Outcome, stuck: bool) -> None:
         if mode[f] == FORWARD or mode[f] == BACKWARD:
             el[E_FRIC, f] += h * torque * slip
         el[E_VISC, f] += h * cap[VISC, f] * slip * slip
-    for a in range(slots):
-        rate = by_slot[TURN, a] + 0.5 * by_slot[TURNED, a]
-        state.twist[a] = by_slot[TWIST0, a] + h * rate
-        shaft[E_SHAFT, a] += h * kc[1, a] * rate * rate
-        shaft[TAU, a] = kc[0, a] * state.twist[a] + kc[1, a] * (by_slot[TURN, a] + by_slot[TURNED, a])
     if stuck:
         for j in range(v.shape[0]):
             by_speed[SPARE, j] = v[j]
@@ -402,17 +391,14 @@ def take(q: Quick, loads: Loads, outcome: Outcome, stuck: bool) -> None:
 
 
 @njit(**INLINED)
-def accelerate(q: Quick, straight: int, cap: Floats, accel: Floats) -> None:
-    """Set the accelerations at the step's end, from the forces of inputs and laws, elements and the first ``straight`` shafts."""
+def accelerate(q: Quick, cap: Floats, accel: Floats) -> None:
+    """Set the accelerations at the step's end, from the forces of inputs and laws, and of elements."""
     short_loops()
     structure, state, by_element, by_speed, n = q.structure, q.state, q.by_element, q.by_speed, q.by_speed.shape[1]
     for f in range(state.mode.shape[0]):
         torque = state.el[LAM, f] + cap[VISC, f] * (by_element[SLIP0, f] + by_element[GAINED, f])
         for j in range(n):
             by_speed[FORCE, j] -= torque * structure.w[f, j]
-    for a in range(straight):
-        for j in range(n):
-            by_speed[FORCE, j] -= state.shaft[TAU, a] * structure.sh[a, j]
     for i in range(n):
         total = 0.0
         for j in range(n):
@@ -492,8 +478,8 @@ def quick_step(layout: Ints, h: float, t: float) -> int:
     Returns
     -------
     int
-        1 when the step is done. 0 when an event is possible: a change of mode, a bend that a shaft passes, a point of an input over
-        time, a prescribed motion. Then no state has changed, and `driven_step` has to be called.
+        1 when the step is done. 0 with shafts, and when an event is possible: a change of mode, a point of an input over time, a
+        prescribed motion. Then no state has changed, and `driven_step` has to be called.
     """
     short_loops()
     before, made, loads, outcome = before_at(layout), room_at(layout).made, loads_at(layout), outcome_at(layout)
@@ -518,8 +504,9 @@ def quick_step(layout: Ints, h: float, t: float) -> int:
         ready = False
     ready = ready and made[1] == h and made[2] == pattern
     made[1], made[2] = h, pattern
-    if not solve(q, ready) or not implicit_parts(q):
+    if not solve(q, ready):
         return int(0)
+    implicit_parts(q)
     finish_forces(q)
     if not is_quiet(q, tol, slipping):
         return int(0)
@@ -528,8 +515,8 @@ def quick_step(layout: Ints, h: float, t: float) -> int:
     take(q, loads, outcome, stuck)
     for j in range(n):
         q.by_speed[FORCE, j] = before.q[j] = q.loads.q[1, j]
-    straight = leave_laws(q)
-    accelerate(q, straight, loads.cap, outcome.accel)
+    leave_laws(q)
+    accelerate(q, loads.cap, outcome.accel)
     if q.loss.shape[0] > 0:
         for row in range(7):
             for f in range(q.state.mode.shape[0]):

@@ -14,27 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rig_nodes.base import INLINED, INNER, STAGE, njit
-from rig_nodes.driveline.algebra import (
-    BACKWARD,
-    E_SHAFT,
-    FORWARD,
-    HI0,
-    HI1,
-    KIN0,
-    KIN1,
-    LO0,
-    LO1,
-    TAU,
-    VISC,
-    Places,
-    noinline,
-    short_loops,
-)
-from rig_nodes.driveline.bends import longest_part
-from rig_nodes.driveline.contacts import contact_damping, spring_with_friction
+from rig_nodes.driveline.algebra import BACKWARD, FORWARD, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC, Places, noinline, short_loops
 from rig_nodes.driveline.laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Laws, LawState
 from rig_nodes.driveline.lines import CLOSE
-from rig_nodes.driveline.motion import mobility_of
 from rig_nodes.driveline.state import Loads, State, Structure
 from rig_nodes.driveline.tables import along, line, piece, value
 
@@ -44,7 +26,7 @@ if TYPE_CHECKING:
 # rows of the work arrays for each law, friction element, row of shafts, and speed
 (X, DX, RATE, TORQUE_, SLOPE, OTHER, EXTRA, AHEAD, PUSH0, PUSH1, GAIN, BEGIN, END, VALUE, RISE, MADE) = range(16)
 (SLIP0, GAINED, TORQUE0, TORQUE1, CURVED, DRAG_MADE) = range(6)
-(TURN, TWIST0, LEAD, TURNED, STIFF_MADE, DAMP_MADE) = range(6)
+(TURN, TURNED, STIFF_MADE, DAMP_MADE) = range(4)
 (FORCE, FINAL, DV, ACCEL, SPARE) = range(5)
 
 
@@ -71,9 +53,9 @@ class Quick(NamedTuple):
         piece of the table (BEGIN, END, VALUE at X, RISE); EXTRA for which the matrix was made.
     by_element : (6, m) array
         Slip at the start and its change, torque at both ends, whether there is FRICTION, drag for which the matrix was made.
-    by_slot : (6, s) array
-        Rate of the twist at the start, twist and torque without stiffness there, change of the rate; stiffness and damping for
-        which the matrix was made.
+    by_slot : (4, s) array
+        Of the rows of torques among the shafts: rate at the start and its change; stiffness and damping for which the matrix was
+        made.
     by_speed : (5, n) array
         Forces at both ends, change of the speeds, accelerations at the start, and room.
     by_input : (2, factors) array
@@ -160,7 +142,7 @@ def add_inertia(inertia: float, on: Floats, k: int, op: int, orr: int, m: int, w
 def start_laws(q: Quick) -> bool:
     """Set the arguments of the laws and their expected changes; return False where an event is possible."""
     short_loops()
-    laws, own, by_law, h = q.laws, q.own, q.by_law, q.h
+    laws, own, by_law, h, shafts = q.laws, q.own, q.by_law, q.h, q.structure.sh.shape[0]
     for k in range(laws.kind.shape[0]):
         kind, rate = laws.kind[k], dot(laws.of, k, q.by_speed, DV)
         by_law[RATE, k] = by_law[X, k] = rate
@@ -172,35 +154,22 @@ def start_laws(q: Quick) -> bool:
             by_law[DX, k] = h * rate + own.way[k] * h * h
             by_law[AHEAD, k] = 0.5 * h
         here = by_law[X, k]
-        if kind == MOTION:
+        if kind == MOTION or kind == SHAFT:
             return False
         if kind == FRICTION:
             q.by_element[CURVED, laws.element[k]] = 1.0
             here = abs(here)
         elif kind == INERTIA:
             by_law[SLOPE, k] = rate + 2.0 * own.way[k] * h
-        elif kind != CAPACITY and laws.slot[k] >= 0:
-            q.by_slot[TWIST0, laws.slot[k]] = 0.0
+        elif laws.slot[k] >= 0:
+            shafts -= 1
         begin, end, height, point, rise = line(laws.tables, k, piece(laws.tables, k, here))
         if here == begin:
             # at a bend the pieces before and behind it are equally close
             begin = np.inf if by_law[DX, k] < 0.0 else begin
         by_law[BEGIN, k], by_law[END, k], by_law[RISE, k] = begin, end, rise
         by_law[VALUE, k] = height + rise * (here - point)
-        if kind == SHAFT and has_bends(k, laws):
-            stiffness = 0.0
-            for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
-                stiffness += laws.springs[i, 0]
-            mobility = mobility_of(laws.of[k], q.structure.minv)
-            if longest_part(laws.tables, k, here, rate, stiffness, mobility, h) < h:
-                return False
-    return True
-
-
-@njit(**INLINED)
-def has_bends(k: int, laws: Laws) -> bool:
-    """Return whether the table of law k has more than two points."""
-    return laws.tables.first[k + 1] - laws.tables.first[k] > 2
+    return shafts == 0
 
 
 @njit(**INLINED)
@@ -299,36 +268,28 @@ def put_inertia(k: int, q: Quick) -> None:
 
 @njit(**INLINED)
 def put_torque(k: int, q: Quick) -> None:
-    """Set the line of a SHAFT or a TORQUE."""
+    """Set the line of a TORQUE."""
     short_loops()
-    laws, own, by_law, kc = q.laws, q.own, q.by_law, q.structure.kc
+    laws, by_law, kc = q.laws, q.by_law, q.structure.kc
     place, here, dx = laws.slot[k], by_law[X, k], by_law[DX, k]
     start, rise = by_law[VALUE, k], by_law[RISE, k]
     if not on_piece(k, here + dx, by_law):
         start, rise = along(laws.tables, k, here, dx)
-    if laws.kind[k] == SHAFT:
-        by_law[OTHER, k] = contact_damping(laws.damping[k], laws.gap[k], here, dx, start, rise, dx / q.h)
-        for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
-            start += own.spring[i]
-            rise += spring_with_friction(laws.springs[i, 0], laws.springs[i, 1], own.spring[i], dx)[0]
-        kc[0, place], kc[1, place] = rise, by_law[OTHER, k]
-        q.by_slot[LEAD, place] = start
-    else:
-        a, b = q.by_input[0, laws.factor[k]], q.by_input[1, laws.factor[k]]
-        if place >= 0:
-            steep, shift = 0.5 * (a + b) * rise, 0.0
-            kc[0, place] = kc[1, place] = 0.0
-            if laws.angle[k]:
-                kc[0, place] = -steep
-            else:
-                kc[1, place] = -steep
-                shift = steep * here
-            by_law[PUSH0, k], by_law[PUSH1, k] = a * start - shift, b * start - shift
+    a, b = q.by_input[0, laws.factor[k]], q.by_input[1, laws.factor[k]]
+    if place >= 0:
+        steep, shift = 0.5 * (a + b) * rise, 0.0
+        kc[0, place] = kc[1, place] = 0.0
+        if laws.angle[k]:
+            kc[0, place] = -steep
         else:
-            lossy = q.loss.shape[0] > 0
-            rest = q.h * by_law[RATE, k] if laws.angle[k] else 0.0
-            by_law[EXTRA, k] = 0.0 if lossy else -b * rise * by_law[AHEAD, k]
-            by_law[PUSH0, k], by_law[PUSH1, k] = a * start, b * (start + rise * (dx if lossy else rest))
+            kc[1, place] = -steep
+            shift = steep * here
+        by_law[PUSH0, k], by_law[PUSH1, k] = a * start - shift, b * start - shift
+    else:
+        lossy = q.loss.shape[0] > 0
+        rest = q.h * by_law[RATE, k] if laws.angle[k] else 0.0
+        by_law[EXTRA, k] = 0.0 if lossy else -b * rise * by_law[AHEAD, k]
+        by_law[PUSH0, k], by_law[PUSH1, k] = a * start, b * (start + rise * (dx if lossy else rest))
     by_law[TORQUE_, k], by_law[SLOPE, k] = start, rise
 
 
@@ -380,19 +341,12 @@ def inertia_error(k: int, moved: float, gain: float, q: Quick) -> tuple[float, f
 
 @njit(**INLINED)
 def torque_error(k: int, moved: float, q: Quick) -> tuple[float, float]:
-    """Return (error, scale) of a SHAFT or a TORQUE whose argument has moved."""
-    short_loops()
-    laws, own, by_law, here, error = q.laws, q.own, q.by_law, q.by_law[X, k], 0.0
-    start, asked = by_law[VALUE, k], by_law[RISE, k]
-    if not on_piece(k, here + moved, by_law):
-        start, asked = along(laws.tables, k, here, moved)
-    if laws.kind[k] == SHAFT:
-        damped = contact_damping(laws.damping[k], laws.gap[k], here, moved, start, asked, moved / q.h)
-        error = abs((damped - by_law[OTHER, k]) * moved / q.h)
-        for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
-            asked += spring_with_friction(laws.springs[i, 0], laws.springs[i, 1], own.spring[i], moved)[0]
+    """Return (error, scale) of a TORQUE whose argument has moved."""
+    laws, by_law, asked = q.laws, q.by_law, q.by_law[RISE, k]
+    if not on_piece(k, by_law[X, k] + moved, by_law):
+        asked = along(laws.tables, k, by_law[X, k], moved)[1]
     explicit = laws.slot[k] < 0 and q.loss.shape[0] > 0
-    error += abs(asked * moved - by_law[SLOPE, k] * (by_law[DX, k] if explicit else moved))
+    error = abs(asked * moved - by_law[SLOPE, k] * (by_law[DX, k] if explicit else moved))
     return error, 1.0 + abs(by_law[TORQUE_, k]) + abs(asked * moved)
 
 
@@ -417,16 +371,12 @@ def are_met(q: Quick) -> bool:
 
 
 @njit(**INLINED)
-def implicit_parts(q: Quick) -> bool:
-    """Add to the forces what follows from the slopes EXTRA; return False where a shaft passes a bend."""
+def implicit_parts(q: Quick) -> None:
+    """Add to the forces what follows from the slopes EXTRA."""
     short_loops()
     laws, by_law, by_speed, n = q.laws, q.by_law, q.by_speed, q.by_speed.shape[1]
     for k in range(laws.kind.shape[0]):
         kind, f, gain = laws.kind[k], laws.element[k], by_law[GAIN, k]
-        if kind == SHAFT and has_bends(k, laws):
-            here = by_law[X, k]
-            if not (by_law[BEGIN, k] < here < by_law[END, k] and on_piece(k, here + by_law[DX, k], by_law)):
-                return False
         if kind == CAPACITY:
             push = by_law[EXTRA, k] * gain
             q.by_element[TORQUE1, f] += push
@@ -441,53 +391,29 @@ def implicit_parts(q: Quick) -> bool:
             by_law[PUSH1, k] += push
             for j in range(n):
                 by_speed[FINAL, j] += laws.on[k, j] * push
-    return True
 
 
 @njit(**INLINED)
-def leave_shaft(k: int, now: float, turned: float, q: Quick) -> float:
-    """Set torque, twist and heat of a shaft and its springs at the end, and return its torque without damping.
-
-    ``now`` is the torque of its table [Nm], ``turned`` the rate of its twist [rad/s].
-    """
-    short_loops()
-    laws, own, shaft, place, dx = q.laws, q.own, q.state.shaft, q.laws.slot[k], q.by_law[DX, k]
-    here = q.by_law[X, k] + dx
-    damped = contact_damping(laws.damping[k], laws.gap[k], here, 0.0, now, 0.0, turned)
-    for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
-        stiffness, was = laws.springs[i, 0], own.spring[i]
-        by, own.spring[i] = spring_with_friction(stiffness, laws.springs[i, 1], was, dx)
-        shaft[E_SHAFT, place] += (was + 0.5 * by * dx) * dx - 0.5 * (own.spring[i] ** 2 - was**2) / stiffness
-        now += own.spring[i]
-    shaft[TAU, place] = now + damped * turned
-    q.state.twist[place] = here
-    return now
-
-
-@njit(**INLINED)
-def leave_torque(k: int, q: Quick) -> int:
-    """Add the work of a torque over the step, and return how many rows of shafts it has."""
+def leave_torque(k: int, q: Quick) -> None:
+    """Add the work of a torque over the step."""
     short_loops()
     place, dx, work, kc, on = q.laws.slot[k], q.by_law[DX, k], q.own.work, q.structure.kc, q.laws.on
     moved = 0.0
     for j in range(on.shape[1]):
         moved += on[k, j] * (q.state.v[j] - 0.5 * q.by_speed[DV, j])
     work[0] += 0.5 * q.h * (q.by_law[PUSH0, k] + q.by_law[PUSH1, k]) * moved
-    if place < 0:
-        return 0
-    mid = q.by_slot[TURN, place] + 0.5 * q.by_slot[TURNED, place]
-    work[0] -= 0.5 * kc[0, place] * dx * dx + q.h * kc[1, place] * mid * mid
-    return 1
+    if place >= 0:
+        mid = q.by_slot[TURN, place] + 0.5 * q.by_slot[TURNED, place]
+        work[0] -= 0.5 * kc[0, place] * dx * dx + q.h * kc[1, place] * mid * mid
 
 
 @njit(**STAGE)
-def leave_laws(q: Quick) -> int:
+def leave_laws(q: Quick) -> None:
     """Set the state of the laws at the step's end and add their torques then to the forces.
 
-    With inertias P is set to that without stuck elements. The number of rows of shafts without those of torques is returned.
+    With inertias P is set to that without stuck elements.
     """
     laws, own, by_law, h, n = q.laws, q.own, q.by_law, q.h, q.by_speed.shape[1]
-    straight = q.structure.sh.shape[0]
     if q.heavy:
         for i in range(n):
             for j in range(n):
@@ -505,11 +431,9 @@ def leave_laws(q: Quick) -> int:
         else:
             own.way[k] = dx / h
         push = 0.0
-        if kind == SHAFT:
-            now = leave_shaft(k, now, turned, q)
-        elif kind == TORQUE:
+        if kind == TORQUE:
             push = now = q.by_input[1, laws.factor[k]] * now
-            straight -= leave_torque(k, q)
+            leave_torque(k, q)
         elif kind == INERTIA:
             bend = by_law[RISE, k]
             if not by_law[BEGIN, k] <= here < by_law[END, k]:
@@ -521,4 +445,3 @@ def leave_laws(q: Quick) -> int:
         if push != 0.0:
             for j in range(n):
                 q.by_speed[FORCE, j] += push * laws.on[k, j]
-    return straight

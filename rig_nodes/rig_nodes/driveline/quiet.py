@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of a driveline in which no event happens: most steps of a rig, at a fraction of the cost.
+"""One step of a driveline without shafts in which no event happens: most steps of a rig, at a fraction of the cost.
 
 The engine calls it before driveline/kernel.py, which takes the steps that this one leaves.
 """
@@ -14,7 +14,6 @@ from rig_nodes.base import INLINED, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_FRIC,
-    E_SHAFT,
     E_VISC,
     FORWARD,
     HI0,
@@ -29,7 +28,6 @@ from rig_nodes.driveline.algebra import (
     LOCKED_LOW,
     OPEN,
     STUCK,
-    TAU,
     VISC,
     beyond,
     has_capacity,
@@ -87,13 +85,12 @@ def attempt(h: float, line: Record, before: int) -> int:
     The type of the record contains the sizes of the driveline and which elements the losses own, so that they are constants for the
     compiler.
     """
-    w, sh, kc, q, cap, loss, v = line.w, line.sh, line.kc, line.q, line.cap, line.loss, line.v
-    twist, mode, el, shaft, e_in, work, own = line.twist, line.mode, line.el, line.shaft, line.e_in, line.work, line.own.shape
+    w, q, cap, loss, v = line.w, line.q, line.cap, line.loss, line.v
+    mode, el, e_in, work, own = line.mode, line.el, line.e_in, line.work, line.own.shape
     m, n = w.shape
-    s = sh.shape[0]
-    at = places(n, m, s, loss.shape[0])
+    at = places(n, m, int(0), loss.shape[0])
     op, oh, orr = at.p, at.h, at.r
-    slip0, slip1, torque0, torque1, rate = room(mode), room(mode), room(mode), room(mode), room(twist)
+    slip0, slip1, torque0, torque1 = room(mode), room(mode), room(mode), room(mode)
     speed = vector(v, 0, v)
     force = vector(q, 0, v)
     if before == 0:
@@ -104,10 +101,6 @@ def attempt(h: float, line: Record, before: int) -> int:
     for j in range(n):
         vmax = max(vmax, abs(v[j]))
     tol = 1e-12 * (1.0 + vmax)
-    for a in range(s):
-        along = vector(sh, a * n, v)
-        rate[a] = dot(along, speed)
-        force = add(force, -(kc[0, a] * twist[a] + kc[1, a] * rate[a]), along)
     pattern = 1.0
     bit = 1.0
     shared = False  # whether stuck elements prevent the slip of one that carries its limit
@@ -132,7 +125,7 @@ def attempt(h: float, line: Record, before: int) -> int:
     if work[0] != pattern:
         return EVENT
     if stale(h, pattern, cap, work):
-        implicit(h, w, sh, kc, cap, work)
+        implicit(h, w, cap, work)
     # acceleration at the start, without the implicit parts
     accel = product(work, op, force)
     for f in range(m):
@@ -150,12 +143,7 @@ def attempt(h: float, line: Record, before: int) -> int:
         if mode[f] != STUCK:
             torque1[f] = borne(cap, f, mode[f], int(1))
             change = add(change, torque0[f] - torque1[f], vector(w, f * n, v))
-    for a in range(s):
-        change = add(change, -kc[0, a] * h * rate[a], vector(sh, a * n, v))
     dv = scaled(h, product(work, oh, add(force, 0.5, change)))
-    for a in range(s):
-        along = vector(sh, a * n, v)
-        change = add(change, -(kc[1, a] + 0.5 * h * kc[0, a]) * dot(along, dv), along)
     for f in range(m):
         along = vector(w, f * n, v)
         gain = dot(along, dv)
@@ -209,12 +197,6 @@ def attempt(h: float, line: Record, before: int) -> int:
     middle = add(speed, 0.5, dv)
     for j in range(n):
         e_in[j] += h * (0.5 * (q[0, j] + q[1, j])) * middle[j]
-    for a in range(s):
-        gain = dot(vector(sh, a * n, v), dv)
-        mean = rate[a] + 0.5 * gain
-        twist[a] += h * mean
-        shaft[E_SHAFT, a] += h * kc[1, a] * mean * mean
-        shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rate[a] + gain)
     speed = add(speed, 1.0, dv)
     put(v, 0, held(speed, mode, w, work, orr, v) if stuck else speed)
     return DONE

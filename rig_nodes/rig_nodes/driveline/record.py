@@ -114,7 +114,7 @@ class Room(NamedTuple):
         Whether, for which step [s] and for which set of stuck elements its matrix was made.
     q_now, cap_given, cap_now, kc_now : (2, n), (7, m), (7, m) and (2, s) arrays
         Forces, capacities without and with laws, and shafts with laws, over the step.
-    by_law, by_element, by_slot, by_speed, by_input : (16, laws), (6, m), (6, s), (5, n) and (2, factors) arrays
+    by_law, by_element, by_slot, by_speed, by_input : (16, laws), (6, m), (4, s), (5, n) and (2, factors) arrays
         As those of driveline.quick_laws.Quick.
     """
 
@@ -150,7 +150,7 @@ def room_shapes(n: int, m: int, slots: int, laws: int, factors: int) -> Room:
     Room
         The shapes.
     """
-    return Room((3,), (2, n), (7, m), (7, m), (2, slots), (16, laws), (6, m), (6, slots), (5, n), (2, factors))
+    return Room((3,), (2, n), (7, m), (7, m), (2, slots), (16, laws), (6, m), (4, slots), (5, n), (2, factors))
 
 
 def layout_of(dtype: np.dtype) -> np.ndarray:
@@ -247,7 +247,7 @@ def state_at(layout: Ints) -> State:
         floats(base + layout[AT.shaft], 2, slots),
         floats(base + layout[AT.e_in], n),
         floats(base + layout[AT.events], layout[8], 3),
-        whole(base + layout[AT.count], 2),
+        whole(base + layout[AT.count], 3),
         floats(base + layout[AT.work], 1),
     )
 
@@ -341,7 +341,7 @@ def room_at(layout: Ints) -> Room:
         floats(base + layout[AT.kc_now], 2, slots),
         floats(base + layout[AT.by_law], 16, layout[4]),
         floats(base + layout[AT.by_element], 6, m),
-        floats(base + layout[AT.by_slot], 6, slots),
+        floats(base + layout[AT.by_slot], 4, slots),
         floats(base + layout[AT.by_speed], 5, n),
         floats(base + layout[AT.by_input], 2, layout[6]),
     )

@@ -33,10 +33,10 @@ Controller = Callable[[Moment], Mapping[str, float] | None]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _run_steps(bare: int, structure: Structure, loads: Loads, state: State, t: Floats, rows: Rows) -> None:
-    """Take a step to each time after the first and record the state there; bare is an address, the loads are those of all steps."""
+def _run_steps(bare: int, structure: Structure, loads: Loads, state: State, t: Floats, h: Floats, rows: Rows) -> None:
+    """Take a step of each length h from each time t and record the state after it; ``bare`` is an address."""
     for i in range(loads.q.shape[0]):
-        bare_step(bare, t[i + 1] - t[i], t[i], structure, Loads(loads.q[i], loads.cap[i]), None, state)
+        bare_step(bare, h[i], t[i], structure, Loads(loads.q[i], loads.cap[i]), None, state)
         put_row(rows, i, state)
 
 
@@ -290,13 +290,16 @@ class Run:
         pushes, cap, given = inputs
         s, steps = self.system, len(t) - 1
         loads = Loads(np.ascontiguousarray(pushes @ s.bodies_from_speeds), cap)
+        # all whole steps have the same length, so that the matrices of one serve the next
+        h = np.diff(t)
+        h[np.abs(h - self.step_length) <= SAME * self.step_length] = self.step_length
         rows = Rows(*(np.empty((steps, *a.shape), a.dtype) for a in (x.v, x.twist, x.mode, x.el, x.shaft, x.e_in)))
         law_rows = LawRows(*(np.zeros((steps, *a.shape)) for a in (own.torque, own.at, own.spring, own.work)))
         if s.laws or s.meshes:
             model = Model(bare_address(), s.structure, s.mass, self._laws)
-            run_laws(settled_address(), model, Given(loads, given), Moving(loss, x, own), t, rows, law_rows)
+            run_laws(settled_address(), model, Given(loads, given), Moving(loss, x, own), t, h, rows, law_rows)
         else:
-            _run_steps(bare_address(losses=False), s.structure, loads, x, t, rows)
+            _run_steps(bare_address(losses=False), s.structure, loads, x, t, h, rows)
         return *rows, *law_rows
 
     def _first(self, t: Floats) -> tuple[np.ndarray, ...]:

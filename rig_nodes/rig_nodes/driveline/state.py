@@ -79,8 +79,9 @@ class State(NamedTuple):
     events : (rows, 3) or (rows, 3 + 2 n) array
         Time [s], element, kind, and the speeds v and their integrals at each event, a ring that is filled from row 0. Where it has
         speeds, twist must have room for the integrals.
-    count : (2,) array of int64
-        N_EVENTS: events so far; N_CAPPED: steps in which the bound on events or pivots was reached.
+    count : (3,) array of int64
+        N_EVENTS: events so far; N_CAPPED: steps in which the bound on events or pivots was reached; WORST: of the last of these the
+        element with the largest residual, or m plus the number of the law.
     work : array
         At least work_size(n, m, s, k) numbers, zeros at first: room for results inside a step.
     """

@@ -165,7 +165,7 @@ class System:
             np.zeros((2, s)),
             np.zeros(n),
             np.zeros((max_events, 3 + 2 * extra)),
-            np.zeros(2, np.int64),
+            np.zeros(3, np.int64),
             np.zeros(work_size(n, m, s, len(self.meshes))),
         )
 

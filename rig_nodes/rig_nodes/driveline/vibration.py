@@ -17,7 +17,7 @@ import numpy as np
 from scipy import linalg
 
 from rig_nodes.base import RigError, brief
-from rig_nodes.driveline.laws import INERTIA, MOTION, SHAFT, TORQUE
+from rig_nodes.driveline.laws import INERTIA, MOTION, TORQUE
 from rig_nodes.driveline.system import System, check_built
 from rig_nodes.driveline.tables import slope_at, value_at
 
@@ -80,32 +80,6 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     shapes = found.shapes @ found.at_bodies.T
     shapes = shapes / np.take_along_axis(shapes, np.abs(shapes).argmax(axis=1)[:, None], 1)
     return Modes(system.bodies, found.frequencies / (2.0 * math.pi), found.damping, shapes)
-
-
-def shown_frequencies(system: System, frequencies: Floats, step: float) -> np.ndarray:
-    """Return the frequencies that a run shows of natural ones, because its step does not resolve them fully.
-
-    The trapezoidal rule with a step h shows an oscillation of f as one of atan(pi f h) / (pi h), from tan(w' h / 2) = w h / 2 for
-    the angular frequencies. Shafts with a table, backlash or hysteresis divide a step instead; with one of them nothing is changed.
-
-    Parameters
-    ----------
-    system : System
-        The driveline.
-    frequencies : (k,) array of float
-        Natural frequencies [Hz].
-    step : float
-        Length of a step [s].
-
-    Returns
-    -------
-    (k,) array of float
-        The frequencies in a run [Hz].
-    """
-    frequencies = np.asarray(frequencies, float)
-    if any(law.kind == SHAFT for law in system.laws):
-        return frequencies
-    return np.arctan(math.pi * frequencies * step) / (math.pi * step)
 
 
 @dataclass(frozen=True)

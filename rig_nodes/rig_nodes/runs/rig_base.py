@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES, RigError, brief, meant
-from ..driveline import KIN1
+from ..driveline import KIN1, WORST
 from ..plant import (
     BY_DUTY,
     NONE,
@@ -242,7 +242,9 @@ class RigBase(ABC):
             first = self.watched.latched()[0]
             self.trip(first.sentence(self.watched.value(first), self.time), first.name)
         elif how == NOT_SETTLED:
-            self.trip(not_settled(when, self.world.plan.driven), UNSETTLED)
+            plan, worst = self.world.plan, int(self.world.line["count"][WORST])
+            names = [*plan.system.elements, *(law.name for law in plan.system.laws)]
+            self.trip(not_settled(when, plan.driven, names[worst] if worst >= 0 else ""), UNSETTLED)
         else:
             self.trip(not_finite(when, names, values), NO_NUMBER)
 

@@ -32,7 +32,7 @@ class Tripped(RigError):
     exit_code = 1
 
 
-def not_settled(when: str, driven: bool) -> str:
+def not_settled(when: str, driven: bool, worst: str) -> str:
     """Return the reason of a trip for friction that did not settle.
 
     Parameters
@@ -41,6 +41,8 @@ def not_settled(when: str, driven: bool) -> str:
         The sample, in words.
     driven : bool
         True for a rig with tables that follow its motion.
+    worst : str
+        Name of the element with the largest residual; empty where none stands out.
 
     Returns
     -------
@@ -48,8 +50,9 @@ def not_settled(when: str, driven: bool) -> str:
         The reason.
     """
     also = ", or what follows a table of the motion," if driven else ""
+    least = f", least of all '{worst}'" if worst else ""
     return (
-        f"{when} the friction of clutches and brakes{also} did not settle within a step; a value of the rig is "
+        f"{when} the friction of clutches and brakes{also} did not settle within a step{least}; a value of the rig is "
         "far from any real one, or its step too long"
     )
 

@@ -88,6 +88,9 @@ def _move_driveline(line, addresses, h, t) -> Callable[..., None]:  # noqa: ANN0
 
         return driven
 
+    if line.fields["sh"][0].shape[0] > 0:
+        return lambda line, addresses, h, t: general_step(addresses, h, t, line)
+
     def moved(line, addresses, h, t) -> None:  # noqa: ANN001, see above
         if not quiet_step(h, line):
             general_step(addresses, h, t, line)

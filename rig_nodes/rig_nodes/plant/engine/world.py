@@ -111,7 +111,7 @@ def driveline_dtype(n: Sizes) -> np.dtype:
             ("bodies", "f8", (n.bodies, s)),
             ("meter_of", "f8", (n.meters, m + n.bodies + n.shafts + s)),
             ("events", "f8", (EVENTS, 3)),
-            ("count", "i8", (2,)),
+            ("count", "i8", (3,)),
             ("work", "f8", (work_size(s, m, n.shafts, n.losses),)),
             *fixed,
             *[(name, "f8", shape) for name, shape in zip(Room._fields, room)],
