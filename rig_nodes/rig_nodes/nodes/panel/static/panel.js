@@ -49,7 +49,7 @@ async function order(where, what, more, quiet = false) {
   try {
     const answer = await link.ask(what, more);
     where.textContent = quiet ? "" : answer;
-    where.classList.remove("bad");
+    if (!quiet) where.classList.remove("bad"); // a place for refusals only stays one
     return true;
   } catch (error) {
     where.textContent = error.message;
