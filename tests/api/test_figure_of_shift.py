@@ -145,7 +145,12 @@ def test_the_numbers_at_the_foot_are_the_table_with_its_limits(runs):
     found = {one.key: one for one in described(runs("good")).numbers}
     assert found["input_torque_high_nm"].value == "266.8 Nm" and found["input_torque_high_nm"].met is False
     assert found["t_c_s"].value == "673 ms" and (found["t_c_s"].limit, found["t_c_s"].met) == ("≤ 725", True)
-    assert found["t_p_s"].met is None and found["t_p_s"].limit == ""
+    assert found["t_p_s"].met is None and found["t_p_s"].limit == "" and found["t_p_s"].name == "change of speed t_p"
+    interrupted = described(runs("interrupted"))
+    lengths = {one.kind: one.end - one.start for one in interrupted.stretches}
+    (number,) = (one for one in interrupted.numbers if one.key == "t_p_s")
+    both = lengths["interrupted"] + lengths["inertia phase"]
+    assert number.name == "t_p with interruption" and float(number.value.split()[0]) == pytest.approx(both, abs=1.0)
 
 
 def test_a_limit_of_the_users_own_is_at_the_foot(tmp_path, runs):

@@ -78,6 +78,7 @@ LEVEL = 20e-3  # s over which a level is taken
 NEAR = 2e-3  # share by which a curve may miss a result, from rounding
 GRID = 0.05  # ms by which rounding may move a sample
 
+INTERRUPTED_TOO = "t_p with interruption"
 # results at the foot: key and words
 NUMBERS = {
     "t_c_s": "order to lock-up t_c",
@@ -334,6 +335,8 @@ class _Shift:
                 f"{sign} {round(end, metric.digits):g}" for sign, end in (("≥", low), ("≤", high)) if end is not None
             )
             name = NUMBERS.get(metric.key, metric.named(self.box))
+            if metric.key == "t_p_s" and self.row.get("interrupted_s"):
+                name = INTERRUPTED_TOO  # the strip shows both, each for itself
             found.append(Number(metric.key, name, metric.cell(self.row, own) + unit, limit, met))
         return sorted(found, key=lambda one: list(NUMBERS).index(one.key) if one.key in NUMBERS else len(NUMBERS))
 
