@@ -3,14 +3,18 @@
  * SPDX-License-Identifier: Apache-2.0
  */
 
-/* A shift controller in C99 that learns how long each clutch of the rig hydmag fills (docs/how_to/fill_time.md).
+/* A shift controller in C99 that learns how long each clutch of the rig hydmag fills.
  *
  *   ./rig simulate docs/examples/fill_time/shifts.yaml --controller c:docs/examples/fill_time/fill_time.c
+ *   ./rig export controller-fmu docs/examples/fill_time/fill_time.c -o fill_time.fmu
+ *   .venv/bin/python -m rig_nodes.controllers.examples.can_alfa46 239.74.163.2 --interface udp_multicast --rig hydmag \
+ *       --controller c:docs/examples/fill_time/fill_time.c
  *
- * A fill is open-loop: a high current until shortly before the moment at which the piston is expected to touch the plates,
- * then the current of a pressure that takes it there. The pressure tells when it does touch them: the plates are stiffer
- * than the return springs, so the pressure's slope has a knee. A share of the time between the expected and the observed
- * moment is added to the learned fill time, when the shift is fit to be learned from.
+ * A fill is open-loop: a high current until shortly before the moment at which the piston is expected to touch the plates, then the
+ * current of a pressure that takes it there. The pressure tells when it does touch them: the plates are stiffer than the return springs,
+ * so the pressure's slope has a knee, by which US patent 7,574,906 (2009) finds a fill volume; without a pressure transducer the first
+ * response of the speed shows it (US 6,115,661). A share of the time between the expected and the observed moment is added to the
+ * learned fill time, when the shift is fit to be learned from.
  */
 #include "rig_record.h"
 

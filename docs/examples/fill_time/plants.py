@@ -3,9 +3,9 @@
 
 """How the controller of fill_time.c learns: on a new, a worn and a cold gearbox, and on others drawn at random.
 
-    .venv/bin/python docs/examples/fill_time/plants.py --drawn 20 --json docs/reference/fill_time.json
+    .venv/bin/python docs/examples/fill_time/plants.py --drawn 20 --json fill_time.json
 
-On each it begins three tenths below or above the fill time that this gearbox has. The site draws its picture from the file.
+On each it begins three tenths below or above the fill time that this gearbox has.
 """
 
 import argparse
