@@ -190,6 +190,18 @@ def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: in
 
 
 @njit(**INNER)
+def worst_loss(loss: Floats, work: Floats, oe: int) -> int:
+    """Return the element that brakes with the loss of the largest residual after a search at ``oe``; -1 without losses."""
+    noinline()
+    count, worst, most = loss.shape[0], int(-1), -1.0
+    for k in range(count):
+        missed = abs(work[oe + k * (count + 2) + count])
+        if not missed <= most:
+            worst, most = int(loss[k, ON]), missed
+    return worst
+
+
+@njit(**INNER)
 def equations(loss: Floats, work: Floats, oy: int, os: int, oe: int) -> float:
     """Write Newton's equations at the losses in NEXT to the rows at oe, matrix and right side.
 
