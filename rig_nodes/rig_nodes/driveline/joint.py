@@ -67,19 +67,7 @@ from rig_nodes.driveline.algebra import (
     sum_of,
     unslip,
 )
-from rig_nodes.driveline.losses import (
-    FACTOR,
-    LAST,
-    NEXT,
-    ON,
-    SHARE,
-    WEIGHTS,
-    brakes,
-    put_last,
-    put_losses,
-    solve_losses,
-    worst_loss,
-)
+from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, SHARE, WEIGHTS, brakes, put_last, put_losses, solve_losses, worst_of
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
@@ -600,7 +588,7 @@ def resolve(x: float, t: float, structure: Structure, loads: Loads, loss: Floats
         return -1 - steep
     if not (done and solved):
         state.count[N_CAPPED] += 1
-        state.count[WORST] = max(worst, back) if solved else worst_loss(loss, work, at.newton)
+        state.count[WORST] = max(worst, back) if solved else worst_of(loss, work, at.newton)
     if not done:
         keep_last(it >= pivots, structure, work, at)
     return change_modes(t, w, state, at)

@@ -57,7 +57,7 @@ from rig_nodes.driveline.algebra import (
 from rig_nodes.driveline.begin import begin_step, mark
 from rig_nodes.driveline.collocation import change_by_nodes, fastest_rate, losses_by_nodes, make_nodes, part_of, take_by_nodes
 from rig_nodes.driveline.joint import carried, jammed, resolve, stop
-from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, brakes, end_losses, put_last, put_losses, worst_loss
+from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, brakes, end_losses, put_last, put_losses, worst_of
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
@@ -372,7 +372,7 @@ def sub_step(
                     jams = int(-1)
                     continue
                 state.count[N_CAPPED] += 1
-                state.count[WORST] = worst_loss(loss, work, at.newton)
+                state.count[WORST] = worst_of(loss, work, at.newton)
             brake_meshes(structure, cap, loss, state, at)
         change_speeds(d, structure, cap, state, at)
         if not span.watch:

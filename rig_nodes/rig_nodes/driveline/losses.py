@@ -190,7 +190,7 @@ def solve_losses(loss: Floats, v: Floats, work: Floats, oy: int, os: int, oe: in
 
 
 @njit(**INNER)
-def worst_loss(loss: Floats, work: Floats, oe: int) -> int:
+def worst_of(loss: Floats, work: Floats, oe: int) -> int:
     """Return the element that brakes with the loss of the largest residual after a search at ``oe``; -1 without losses."""
     noinline()
     count, worst, most = loss.shape[0], int(-1), -1.0
