@@ -153,7 +153,7 @@ def test_modes_are_those_of_the_command_line(capsys):
     assert [table[k][body] for k in (0, 1) for body in printed["bodies"]] == [x for row in printed["shapes"][:2] for x in row]
 
 
-@pytest.mark.parametrize("how", ["stdin", "script"])
+@pytest.mark.parametrize("how", [pytest.param("stdin", marks=pytest.mark.campaign), "script"])
 def test_a_sweep_with_processes_needs_no_guard_in_a_script(how, tmp_path):
     code = (
         "print('begun')\nimport rig_nodes\n"

@@ -216,6 +216,7 @@ def plants(monkeypatch):
     sys.modules.pop("plants")
 
 
+@pytest.mark.campaign  # 15 s of processor time
 def test_the_errors_on_a_new_and_a_worn_gearbox_shrink_with_the_first_shift(plants):
     for gearbox in plants.gearboxes(0)[:2]:
         found = plants.fills(gearbox, {"1": 0.0525, "2": 0.3185}, 2)

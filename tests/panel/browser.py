@@ -146,7 +146,11 @@ class Browser:
 
     def close(self):
         """Ends the browser."""
-        self._socket.close()
+
+        async def closed():
+            self._socket.close()
+
+        self._loop.run_until_complete(closed())
         self.process.kill()
         self.process.wait()
         self._loop.close()

@@ -97,7 +97,9 @@ def test_blocks_hold_the_messages_that_are_sent_one_by_one(config, tmp_path, ste
     assert np.array_equal(read, also_read, equal_nan=True)
 
 
-@pytest.mark.parametrize("rig", ["chain_saw", "hydmag_coupling", "three_speed", "ural2"])
+@pytest.mark.parametrize(
+    "rig", ["hydmag_coupling", "ural2", *(pytest.param(rig, marks=pytest.mark.campaign) for rig in ("chain_saw", "three_speed"))]
+)
 def test_it_does_on_rigs_with_other_parts(tmp_path, rig):
     config = load_rig(rig)
     messages, read = one_by_one(config, 600)

@@ -247,6 +247,7 @@ def test_bounds_count(config):
     assert tried(config, tasks[1], values)["excess"] == 0.0
 
 
+@pytest.mark.campaign  # 15 s of processor time
 def test_sampled_rigs_keep_to_spreads_and_bounds(config):
     calibration = uncertainty.calibration_for("hydmag", config)
     spreads = {"clutches.bore": 3e-8, "clutches.clearance_s1": 1.0}

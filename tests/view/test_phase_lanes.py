@@ -40,4 +40,4 @@ def test_the_fill_goes_on_to_the_kiss_point_beside_the_interruption():
 
 
 def test_no_mark_is_dropped_where_phases_overlap():
-    assert moment(LATE).marks == pytest.approx((0.0, 0.786, 0.394, 0.944, 0.976))
+    assert moment(LATE).marks == pytest.approx((0.0, 0.394, 0.786, 0.944, 0.976))
