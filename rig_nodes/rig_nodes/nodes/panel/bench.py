@@ -21,7 +21,7 @@ from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters, SetParametersAtomically
 from rclpy.action import ActionClient
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -184,8 +184,6 @@ class Bench:
 
         if len(parameters) == 1:
             return self.call(SetParameters, f"/{node}/set_parameters", SetParameters.Request(parameters=parameters), outcome)
-        from rcl_interfaces.srv import SetParametersAtomically
-
         request = SetParametersAtomically.Request(parameters=parameters)
         return self.call(SetParametersAtomically, f"/{node}/set_parameters_atomically", request, outcome)
 
