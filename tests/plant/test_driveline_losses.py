@@ -7,11 +7,28 @@ import numpy as np
 import pytest
 from numba import njit
 
-from rig_nodes.driveline.algebra import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, LOCKED_HIGH, N_CAPPED, OPEN, VISC
+from rig_nodes.driveline.algebra import (
+    E_FRIC,
+    E_SHAFT,
+    E_VISC,
+    HI0,
+    HI1,
+    KIN0,
+    KIN1,
+    LAM,
+    LO0,
+    LO1,
+    LOCKED_HIGH,
+    N_CAPPED,
+    OPEN,
+    STUCK,
+    VISC,
+)
 from rig_nodes.driveline.builder import Driveline
 from rig_nodes.driveline.kernel import driveline_step
 from rig_nodes.driveline.losses import BASE, CONSTANT, FACTOR, ON, OWN, SHARE, SQUARE, WAY, WEIGHTS, loss_width
 from rig_nodes.driveline.quiet import quiet_step
+from rig_nodes.driveline.quiet_shafts import quiet_shafts_step
 from rig_nodes.driveline.state import Loads, State, Structure
 from rig_nodes.plant.engine.world import Sizes, driveline_dtype
 
@@ -23,6 +40,11 @@ LOSSES = ((0.5, 0.02, 1e-4), (0.0, 0.03, 0.0), (0.2, 0.05, -1e-5))  # parabolas 
 @njit
 def _quiet(h, lines):
     return quiet_step(h, lines[0])
+
+
+@njit
+def _quiet_shafts(h, lines):
+    return quiet_shafts_step(h, lines[0])
 
 
 def record_of(system, losses=np.zeros((0, 0))):
@@ -51,9 +73,9 @@ def close(line, f, torque):
     line["cap"][[KIN0, KIN1, HI0, HI1], f], line["cap"][[LO0, LO1], f] = torque, -torque
 
 
-def step(lines, t=0.0):
+def step(lines, t=0.0, h=STEP_S):
     structure, loads, state = (of(*(lines[0][name] for name in of._fields)) for of in (Structure, Loads, State))
-    driveline_step(STEP_S, t, structure, loads, lines[0]["loss"], state)
+    driveline_step(h, t, structure, loads, lines[0]["loss"], state)
 
 
 def chain(count):
@@ -153,6 +175,46 @@ def test_the_short_way_of_a_quiet_step_is_the_whole_one():
     for name in ("v", "el", "e_in"):
         assert one[0][name] == pytest.approx(other[0][name], rel=1e-10, abs=1e-10), name
     assert np.array_equal(one[0]["mode"], other[0]["mode"])
+
+
+def test_the_short_way_with_shafts_is_the_whole_one_and_keeps_the_energy():
+    """Both move two damped shafts with a loss by torque and drag that grows in each step, slipping at first and locked later."""
+    d = Driveline()
+    for name, inertia, speed in (("rotor", 0.6, 150.0), ("input", 0.05, 150.0), ("output", 0.2, 100.0), ("pump", 0.4, 100.0)):
+        d.inertia(name, inertia, speed=speed)
+    d.shaft("front", "rotor", "input", stiffness=5000.0, damping=5.0)
+    d.shaft("rear", "output", "pump", stiffness=20000.0)
+    d.clutch("main", "input", "output", drag=0.002)
+    d.brake("mesh", "input")
+    system = d.build()
+    main, mesh = (system.elements.index(name) for name in ("main", "mesh"))
+    losses = np.zeros((1, loss_width(len(system.speeds), 2)))
+    losses[0, [CONSTANT, SHARE, BASE, FACTOR]] = 0.5, 0.03, 1e-9, 1.0
+    losses[0, [OWN, ON, WAY]] = mesh, mesh, 0
+    losses[0, WEIGHTS + main] = 1.0
+    one, other = record_of(system, losses), record_of(system, losses)
+    drive, load = (system.bodies_from_speeds[system.bodies.index(name)] for name in ("rotor", "pump"))
+    started, short = 0.5 * one[0]["v"] @ np.linalg.inv(system.minv) @ one[0]["v"], 0
+    for i in range(4000):
+        for lines in (one, other):
+            line = lines[0]
+            close(line, main, 200.0)
+            line["cap"][VISC, main] = 0.002 + 1e-9 * i
+            for end in range(2):
+                line["q"][end] = 40.0 * drive - (35.0 + 5.0 * np.sin(0.01 * (i + end))) * load
+        if _quiet_shafts(1e-4, one):
+            short += 1
+        else:
+            step(one, 1e-4 * i, 1e-4)
+        step(other, 1e-4 * i, 1e-4)
+        assert np.array_equal(one[0]["mode"], other[0]["mode"])
+    assert short > 3500 and one[0]["mode"][main] == STUCK
+    for name in ("v", "twist", "el", "e_in", "shaft"):  # the short way leaves an error of PREDICTED in a loss
+        assert one[0][name] == pytest.approx(other[0][name], rel=5e-5, abs=1e-6), name
+    line = one[0]
+    kept = 0.5 * line["v"] @ np.linalg.inv(system.minv) @ line["v"] + 0.5 * line["kc"][0] @ line["twist"] ** 2 - started
+    lost = line["el"][[E_FRIC, E_VISC]].sum() + line["shaft"][E_SHAFT].sum()
+    assert kept + lost == pytest.approx(line["e_in"].sum(), abs=1e-9 * abs(lost))
 
 
 def test_the_short_way_holds_a_shaft_whose_brakes_share_a_load_above_the_limit_of_one():

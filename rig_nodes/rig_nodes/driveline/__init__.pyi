@@ -17,6 +17,7 @@ from .losses import BASE as BASE, FACTOR as FACTOR, ON as ON, OWN as OWN, loss_w
 from .picture import Body as Body, Link as Link, columns as columns, svg as svg
 from .quick import quick_address as quick_address, quick_types as quick_types
 from .quiet import quiet_step as quiet_step
+from .quiet_shafts import quiet_shafts_step as quiet_shafts_step
 from .record import FIELDS as FIELDS, INPUTS as INPUTS, KEPT as KEPT, LAWS as LAWS, Room as Room, SIZES as SIZES, WHOLE_NUMBERS as WHOLE_NUMBERS, layout_of as layout_of, room_shapes as room_shapes
 from .result import Result as Result
 from .small_vectors import add as add, dot as dot, product as product, put as put, scaled as scaled, vector as vector

@@ -73,6 +73,25 @@ def held(speed: tuple[float, ...], mode: Ints, w: Floats, work: Floats, orr: int
     return kept
 
 
+@njit(**INLINED)
+def shares_hold(mode: Ints, torque: Floats, w: Floats, orr: int, work: Floats) -> bool:
+    """Return whether each element that carries its limit would exceed it by sticking too, at the torques (m,) of the start."""
+    hold = True
+    for f in range(mode.shape[0]):
+        if mode[f] == LOCKED_HIGH or mode[f] == LOCKED_LOW:
+            hold &= beyond(torque[f], mode[f], if_stuck(f, mode, int(0), torque, int(0), w, orr, work)) > 0.0
+    return hold
+
+
+@njit(**INLINED)
+def holds(l0: float, l1: float, cap: Floats, f: int) -> bool:
+    """Return whether a stuck element holds its torques at both ends of a step."""
+    lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
+    if max(cap[HI1, f], cap[KIN1, f]) - l1 < -lim or max(cap[HI0, f], cap[KIN0, f]) - l0 < -4.0 * lim:
+        return False
+    return not (l1 - min(cap[LO1, f], -cap[KIN1, f]) < -lim or l0 - min(cap[LO0, f], -cap[KIN0, f]) < -4.0 * lim)
+
+
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True, _nrt=False)
 def attempt(h: float, line: Record, before: int) -> int:
     """Take the step of :func:`quiet_step` with predicted losses by torque, or with those that the attempts ``before`` corrected.
@@ -132,11 +151,8 @@ def attempt(h: float, line: Record, before: int) -> int:
         if mode[f] == STUCK:
             torque0[f] = dot(vector(work, orr + f * n, v), force)
     if shared:
-        for f in range(m):
-            if mode[f] == LOCKED_HIGH or mode[f] == LOCKED_LOW:
-                over = beyond(torque0[f], mode[f], if_stuck(f, mode, int(0), torque0, int(0), w, orr, work))
-                if not over > 0.0:
-                    return EVENT
+        if not shares_hold(mode, torque0, w, orr, work):
+            return EVENT
         speed = held(speed, mode, w, work, orr, v)  # as in the joint decision of such modes
     change = add(vector(q, n, v), -1.0, vector(q, 0, v))
     for f in range(m):
@@ -153,12 +169,8 @@ def attempt(h: float, line: Record, before: int) -> int:
     for f in range(m):
         mo = mode[f]
         if mo == STUCK:
-            l0 = torque0[f]
-            l1 = torque1[f] = dot(vector(work, orr + f * n, v), end)
-            lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
-            if max(cap[HI1, f], cap[KIN1, f]) - l1 < -lim or max(cap[HI0, f], cap[KIN0, f]) - l0 < -4.0 * lim:
-                return EVENT
-            if l1 - min(cap[LO1, f], -cap[KIN1, f]) < -lim or l0 - min(cap[LO0, f], -cap[KIN0, f]) < -4.0 * lim:
+            torque1[f] = dot(vector(work, orr + f * n, v), end)
+            if not holds(torque0[f], torque1[f], cap, f):
                 return EVENT
         elif mo == FORWARD or mo == BACKWARD:
             y0 = mo * slip0[f]

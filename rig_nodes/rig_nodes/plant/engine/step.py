@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from numba.extending import overload
 
 from ...base import INLINED, njit
-from ...driveline import LAM, TAU, VISC, add, dot, product, put, quiet_step, scaled, vector
+from ...driveline import LAM, TAU, VISC, add, dot, product, put, quiet_shafts_step, quiet_step, scaled, vector
 from .general_step import driven_step_at, general_step, quick_step_at
 from .stages import after, before, bound
 
@@ -89,7 +89,12 @@ def _move_driveline(line, addresses, h, t) -> Callable[..., None]:  # noqa: ANN0
         return driven
 
     if line.fields["sh"][0].shape[0] > 0:
-        return lambda line, addresses, h, t: general_step(addresses, h, t, line)
+
+        def swung(line, addresses, h, t) -> None:  # noqa: ANN001, see above
+            if not quiet_shafts_step(h, line):
+                general_step(addresses, h, t, line)
+
+        return swung
 
     def moved(line, addresses, h, t) -> None:  # noqa: ANN001, see above
         if not quiet_step(h, line):

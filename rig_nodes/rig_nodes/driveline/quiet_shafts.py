@@ -1,0 +1,221 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One step of a driveline with straight shafts in which no event happens, by the equations of driveline/collocation.py.
+
+The engine calls it before driveline/kernel.py, as it calls driveline/quiet.py for a driveline without shafts. The general step
+makes the matrices of the method; this one leaves to it each step that needs others or several parts.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rig_nodes.base import INLINED, njit
+from rig_nodes.driveline.algebra import (
+    BACKWARD,
+    E_FRIC,
+    E_SHAFT,
+    E_VISC,
+    FORWARD,
+    HEAD,
+    IMPULSE,
+    LAM,
+    LOCKED_HIGH,
+    LOCKED_LOW,
+    OPEN,
+    RATE,
+    RATE_OF,
+    STUCK,
+    TAU,
+    VISC,
+    has_capacity,
+    places,
+)
+from rig_nodes.driveline.collocation import EIGENVALUES, END, MEAN, MOMENT, NODES, PHASE, SHARES, TWICE
+from rig_nodes.driveline.collocation import WEIGHTS as OF_NODES
+from rig_nodes.driveline.losses import BEFORE, LAST, NEXT, PREDICTED, WAY, WEIGHTS, loss_at, predict_losses, put_predicted
+from rig_nodes.driveline.quiet import ATTEMPTS, CORRECTED, DONE, EVENT, NEAR, borne, held, holds, shares_hold
+from rig_nodes.driveline.small_vectors import add, dot, product, put, room, scaled, vector
+
+if TYPE_CHECKING:
+    from rig_nodes.base import Floats, Record
+
+NEARBY = 1e4  # times the change of drag that the general step keeps its matrices for: 1e-8 of the speeds' change in a step
+
+
+@njit(**INLINED)
+def mixed(row: int, z: tuple[tuple[float, ...], ...]) -> tuple[float, ...]:
+    """Return the sum of the real and imaginary parts of both z, by a row of SHARES."""
+    share = SHARES[row]
+    return add(add(add(scaled(share[0], z[0]), share[1], z[1]), share[2], z[2]), share[3], z[3])
+
+
+@njit(**INLINED)
+def mean_square(start: float, along: tuple[float, ...], z: tuple[tuple[float, ...], ...]) -> float:
+    """Return the mean square over a step of a rate that is ``start`` at its beginning and changes by ``along`` times the speeds."""
+    a, b, c, d = dot(along, z[0]), dot(along, z[1]), dot(along, z[2]), dot(along, z[3])
+    total = 0.0
+    for i in range(NODES):
+        share = SHARES[i]
+        rate = start + share[0] * a + share[1] * b + share[2] * c + share[3] * d
+        total += OF_NODES[i] * rate * rate
+    return total
+
+
+@njit(**INLINED)
+def solved(
+    h: float, force: tuple[float, ...], change: tuple[float, ...], work: Floats, nodes: int
+) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Return real and imaginary parts of both z, for the force at a step's start and its change by all but the speeds."""
+    square = len(force) * len(force)
+    (re0, im0), (re1, im1) = EIGENVALUES
+    x, y = add(force, re0, change), scaled(im0, change)
+    r0 = scaled(h, add(product(work, nodes, x), -1.0, product(work, nodes + square, y)))
+    i0 = scaled(h, add(product(work, nodes, y), 1.0, product(work, nodes + square, x)))
+    x, y, nodes = add(force, re1, change), scaled(im1, change), nodes + 2 * square
+    r1 = scaled(h, add(product(work, nodes, x), -1.0, product(work, nodes + square, y)))
+    i1 = scaled(h, add(product(work, nodes, y), 1.0, product(work, nodes + square, x)))
+    return r0, i0, r1, i1
+
+
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=True, _nrt=False)
+def attempt(h: float, line: Record, before: int) -> int:
+    """Take the step of :func:`quiet_shafts_step` with predicted losses, or with those that the attempts ``before`` corrected.
+
+    Returns as `driveline.quiet.attempt` does.
+    """
+    w, q, cap, loss, v, sh, kc = line.w, line.q, line.cap, line.loss, line.v, line.sh, line.kc
+    mode, el, e_in, work, own, twist, shaft = line.mode, line.el, line.e_in, line.work, line.own.shape, line.twist, line.shaft
+    m, n = w.shape
+    at = places(n, m, sh.shape[0], loss.shape[0])
+    slip0, slip1, torque0, torque1, rates = room(mode), room(mode), room(mode), room(mode), room(twist)
+    speed, force = vector(v, 0, v), vector(q, 0, v)
+    if before == 0:
+        predict_losses(loss)
+    for k in range(loss.shape[0]):
+        put_predicted(loss, cap, own[k], k)
+    vmax = 0.0
+    for j in range(n):
+        vmax = max(vmax, abs(v[j]))
+    tol = 1e-12 * (1.0 + vmax)
+    pattern, bit, shared = 1.0, 1.0, False
+    for f in range(m):
+        mo = mode[f]
+        along = vector(w, f * n, v)
+        slip = dot(along, speed)
+        if has_capacity(cap, f):
+            if mo == STUCK:
+                pattern += bit
+            elif mo == LOCKED_HIGH or mo == LOCKED_LOW:
+                shared = True
+            elif (mo != FORWARD and mo != BACKWARD) or mo * slip < -tol:
+                return EVENT
+        elif mo != OPEN:
+            return EVENT
+        bit *= 2.0
+        if not abs(work[HEAD + f] - cap[VISC, f]) <= NEARBY * work[HEAD + m + f]:
+            return EVENT
+        slip0[f], torque0[f] = slip, borne(cap, f, mo, int(0))
+        force = add(force, -(torque0[f] + cap[VISC, f] * slip), along)
+    if work[0] != pattern or work[1] != pattern or work[2] != h or work[RATE_OF] != pattern or h * work[RATE] > PHASE:
+        return EVENT
+    for a in range(sh.shape[0]):
+        along = vector(sh, a * n, v)
+        rates[a] = dot(along, speed)
+        force = add(force, -(kc[0, a] * twist[a] + kc[1, a] * rates[a]), along)
+    accel = product(work, at.p, force)
+    for f in range(m):
+        if mode[f] == STUCK:
+            torque0[f] = dot(vector(work, at.r + f * n, v), force)
+    if shared:
+        if not shares_hold(mode, torque0, w, at.r, work):
+            return EVENT
+        speed = held(speed, mode, w, work, at.r, v)
+    change = add(vector(q, n, v), -1.0, vector(q, 0, v))
+    for f in range(m):
+        if mode[f] != STUCK:
+            torque1[f] = borne(cap, f, mode[f], int(1))
+            change = add(change, torque0[f] - torque1[f], vector(w, f * n, v))
+    for a in range(sh.shape[0]):
+        change = add(change, -h * kc[0, a] * rates[a], vector(sh, a * n, v))
+    z = solved(h, force, change, work, at.nodes)
+    dv, mean, twice = mixed(END, z), mixed(MEAN, z), scaled(h, mixed(TWICE, z))
+    end, during = add(force, 1.0, change), add(force, 0.5, change)
+    for a in range(sh.shape[0]):
+        along = vector(sh, a * n, v)
+        by_mean = dot(along, mean)
+        end = add(end, -(kc[1, a] * dot(along, dv) + kc[0, a] * h * by_mean), along)
+        during = add(during, -(kc[1, a] * by_mean + kc[0, a] * dot(along, twice)), along)
+    for f in range(m):
+        along = vector(w, f * n, v)
+        gain = dot(along, dv)
+        slip1[f] = slip0[f] + gain
+        end = add(end, -work[HEAD + f] * gain, along)
+        during = add(during, -work[HEAD + f] * dot(along, mean), along)
+    for f in range(m):
+        mo = mode[f]
+        if mo == STUCK:
+            torque1[f] = dot(vector(work, at.r + f * n, v), end)
+            if not holds(torque0[f], torque1[f], cap, f):
+                return EVENT
+        elif mo == FORWARD or mo == BACKWARD:
+            y0 = mo * slip0[f]
+            speeding = mo * dot(vector(w, f * n, v), accel)
+            if not (y0 > tol and mo * slip1[f] > 0.0 and (speeding >= 0.0 or y0 + speeding * h > 0.0)):
+                return EVENT
+    if loss.shape[0] > 0:
+        near, gained, met = NEAR if shared else PREDICTED, product(work, at.p, end), True
+        for k in range(loss.shape[0]):
+            torque = dot(vector(loss, k * loss.shape[1] + WEIGHTS + m, v), gained)
+            for f in range(m):
+                torque += loss[k, WEIGHTS + f] * torque1[f]
+            asked = loss_at(loss, k, torque, v[int(loss[k, WAY])])
+            met = met and abs(asked - loss[k, NEXT]) <= near
+            loss[k, NEXT] = asked
+        if not met:
+            return CORRECTED
+        for k in range(loss.shape[0]):
+            loss[k, BEFORE] = loss[k, LAST]
+            loss[k, LAST] = loss[k, NEXT]
+    moment = add(mixed(MOMENT, z), -0.5, mean)
+    stuck = False
+    for f in range(m):
+        mo, along = mode[f], vector(w, f * n, v)
+        middle = slip0[f] + dot(along, mean)
+        lam = 0.5 * (torque0[f] + torque1[f])
+        if mo == STUCK:
+            stuck = True
+            lam = dot(vector(work, at.r + f * n, v), during)
+        elif mo != OPEN:
+            el[E_FRIC, f] += h * (lam * middle + (torque1[f] - torque0[f]) * dot(along, moment))
+        el[LAM, f] = torque1[f]
+        el[IMPULSE, f] += h * lam
+        if cap[VISC, f] != 0.0:
+            # the change of the slip is braked by the drag of the matrices, what it was at the start by that of this step
+            kept = work[HEAD + f]
+            el[E_VISC, f] += h * (kept * mean_square(slip0[f], along, z) + (cap[VISC, f] - kept) * slip0[f] * middle)
+    for j in range(n):
+        e_in[j] += h * (0.5 * (q[0, j] + q[1, j]) * (speed[j] + mean[j]) + (q[1, j] - q[0, j]) * moment[j])
+    for a in range(sh.shape[0]):
+        along = vector(sh, a * n, v)
+        twist[a] += h * (rates[a] + dot(along, mean))
+        if kc[1, a] != 0.0:
+            shaft[E_SHAFT, a] += h * kc[1, a] * mean_square(rates[a], along, z)
+        shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rates[a] + dot(along, dv))
+    speed = add(speed, 1.0, dv)
+    put(v, 0, held(speed, mode, w, work, at.r, v) if stuck else speed)
+    return DONE
+
+
+@njit(**INLINED)
+def quiet_shafts_step(h: float, line: Record) -> bool:
+    """Take a step like `driveline_step` on the record of a driveline with shafts if no event can happen in it.
+
+    Returns as `driveline.quiet.quiet_step` does.
+    """
+    how, before = CORRECTED, int(0)
+    while how == CORRECTED and before < ATTEMPTS:
+        how = attempt(h, line, before)
+        before += 1
+    return how == DONE
