@@ -84,6 +84,41 @@ def test_what_is_read_from_the_cache_works_in_what_is_compiled_then(tmp_path, fi
     assert [done.stdout.strip() for done in starts] == [compiled, read, read]
 
 
+def together(code, folder, cache):
+    """Runs the code in three processes that begin at the same time; returns what each printed."""
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
+    command = [sys.executable, "-c", f"import own; print('there', flush=True); input(); {code}"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": env, "cwd": folder}
+    started = [subprocess.Popen(command, **pipes) for _ in range(3)]
+    for process in started:
+        assert process.stdout.readline() == "there\n"
+    for process in started:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    return sorted(process.communicate()[0].strip() for process in started)
+
+
+def test_of_processes_that_need_the_same_code_one_compiles_it(tmp_path):
+    (tmp_path / "own.py").write_text(
+        "from rig_nodes.base.compiled import njit, use_kernel_cache\n\nuse_kernel_cache()\n\n"
+        "@njit(cache=True)\ndef inner(x):\n    return 2.0 * x\n\n"
+        "@njit(cache=True)\ndef outer(x):\n    return inner(x) + 1.0\n"
+    )
+    code = "print(own.outer(3.0), sum(own.outer.stats.cache_hits.values()))"
+    assert together(code, tmp_path, tmp_path / "cache") == ["7.0 0", "7.0 1", "7.0 1"]
+
+
+def test_what_processes_keep_at_the_same_time_is_found_under_its_own_name(tmp_path):
+    (tmp_path / "own.py").write_text(
+        "import os\nfrom rig_nodes.base.compiled import use_kernel_cache\n\nuse_kernel_cache()\n"
+        "import numba\nfrom numba.core.caching import IndexDataCacheFile\n"
+        "index = IndexDataCacheFile(os.environ['NUMBA_CACHE_DIR'], 'function', 'stamp')\n"
+        "def keep(count):\n    for k in range(count):\n        index.save((os.getpid(), k), (os.getpid(), k))\n"
+    )
+    code = "own.keep(100); print(all(own.index.load((own.os.getpid(), k)) == (own.os.getpid(), k) for k in range(100)))"
+    assert together(code, tmp_path, tmp_path / "cache") == ["True"] * 3
+
+
 def test_an_edited_source_changes_the_key(tmp_path, monkeypatch):
     package = tmp_path / "rig_nodes"
     (package / "plant").mkdir(parents=True)

@@ -5,17 +5,19 @@
 
 Every package with compiled code calls :func:`use_kernel_cache` before anything loads numba. numba's own cache looks only at the
 file of a function, not at what it calls, so the folder has a key of all compiled sources, the numba version and the processor.
+Of several processes that need the same code one compiles it, and the others wait for what it keeps.
 """
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import hashlib
 import os
 import platform
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache, cached_property, update_wrapper
 from importlib import import_module
 from importlib.machinery import ModuleSpec, PathFinder
@@ -263,15 +265,15 @@ class _OfNumba:
         """Find changed modules of numba; raise ModuleNotFoundError for one that is left out while its importer is loaded."""
         if fullname == "numba":
             _set_folder()
-        if change := _CHANGES.get(fullname):
-            return _changed(PathFinder.find_spec(fullname, path), change)
+        if changes := _CHANGES.get(fullname):
+            return _changed(PathFinder.find_spec(fullname, path), changes)
         asking = (sys.modules.get(name) for name in self.asks.get(fullname.partition(".")[0], ()))
         if any(getattr(getattr(module, "__spec__", None), "_initializing", False) for module in asking):
             raise ModuleNotFoundError(f"{fullname} is left out while numba is loaded", name=fullname)
         return None
 
 
-def _changed(spec: ModuleSpec | None, change: Callable[[ModuleType], None]) -> ModuleSpec | None:
+def _changed(spec: ModuleSpec | None, changes: Sequence[Callable[[ModuleType], None]]) -> ModuleSpec | None:
     """Return what Python needs to load a module, which is then changed."""
     if spec is None or spec.loader is None:
         return spec
@@ -279,7 +281,8 @@ def _changed(spec: ModuleSpec | None, change: Callable[[ModuleType], None]) -> M
 
     def loaded(module: ModuleType) -> None:
         load(module)
-        change(module)
+        for change in changes:
+            change(module)
 
     spec.loader.exec_module = loaded  # type: ignore[method-assign]
     return spec
@@ -299,6 +302,23 @@ def _without_compiler(caching: ModuleType) -> None:
     cache = getattr(caching, "Cache", None)
     if _has(cache, "load_overload", "_load_overload", "_guard_against_spurious_io_errors"):
         cache.load_overload = _read_only
+
+
+def _saved_alone(caching: ModuleType) -> None:
+    """Have one process at a time add to the index of a function, which names the file of the code for each signature.
+
+    numba reads the index, adds a name and writes it; two that do so at once would take the same name for different code.
+    """
+    kind = getattr(caching, "IndexDataCacheFile", None)
+    if not _has(kind, "save"):
+        return
+    save = kind.save
+
+    def save_(index: Any, key: object, data: object) -> None:
+        with _alone(index._index_path):
+            save(index, key, data)
+
+    kind.save = save_
 
 
 def _read_only(cache: Any, signature: object, context: object) -> object:
@@ -327,6 +347,52 @@ def _with_late_extensions(dispatcher: ModuleType) -> None:
     kind = getattr(dispatcher, "Dispatcher", None)
     if _has(kind, "_compilation_chain_init_hook"):
         kind._compilation_chain_init_hook = lambda self: None
+
+
+@cache
+def _lock_file(folder: str) -> int:
+    """Return the descriptor of the file on which the processes that compile into a folder wait for each other.
+
+    It stays open, because closing any descriptor of a file gives back all that this process has locked in it.
+    """
+    Path(folder).mkdir(mode=0o700, parents=True, exist_ok=True)
+    return os.open(Path(folder) / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+
+
+@contextmanager
+def _alone(what: str) -> Iterator[None]:
+    """Let one process at a time do what is named; a process that ends, however it does, lets the next one go on.
+
+    Each name locks its own byte of one file, so what has another name is done meanwhile. Where no file can be locked nobody waits.
+    """
+    byte = int.from_bytes(hashlib.sha256(what.encode()).digest()[:7], "big")
+    locked = False
+    try:
+        with suppress(OSError):
+            file = _lock_file(os.environ["NUMBA_CACHE_DIR"])
+            fcntl.lockf(file, fcntl.LOCK_EX, 1, byte)
+            locked = True
+        yield
+    finally:
+        if locked:
+            fcntl.lockf(file, fcntl.LOCK_UN, 1, byte)
+
+
+def _compiled_once(dispatcher: ModuleType) -> None:
+    """Have a process wait for another one that compiles the same function for the same types, and then read what that one kept."""
+    kind = getattr(dispatcher, "Dispatcher", None)
+    if not _has(kind, "compile"):
+        return
+    compile_ = kind.compile
+
+    def compile_or_wait(function: Any, signature: object) -> object:
+        if function._cache.cache_path is None:  # it is never kept, as an inner function
+            return compile_(function, signature)
+        # within the lock of this process's threads, so that none of them waits for that one while it keeps others out
+        with dispatcher.global_compiler_lock, _alone(f"{function.__module__}.{function.__qualname__} {signature}"):
+            return compile_(function, signature)
+
+    kind.compile = compile_or_wait
 
 
 def _with_code_of_entries(codegen: ModuleType) -> None:
@@ -375,10 +441,10 @@ def _without_lock_events(_base: ModuleType) -> None:
 
 
 _CHANGES = {
-    "numba.core.base": _without_lock_events,
-    "numba.core.caching": _without_compiler,
-    "numba.core.dispatcher": _with_late_extensions,
-    "numba.core.codegen": _with_code_of_entries,
+    "numba.core.base": (_without_lock_events,),
+    "numba.core.caching": (_without_compiler, _saved_alone),
+    "numba.core.dispatcher": (_with_late_extensions, _compiled_once),
+    "numba.core.codegen": (_with_code_of_entries,),
 }
 
 
@@ -396,8 +462,9 @@ def use_kernel_cache() -> None:
     if "numba" in sys.modules:  # other code imported it, so it has read its settings already
         _set_folder()
         sys.modules["numba"].config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
-        for name, change in _CHANGES.items():
-            change(sys.modules[name])
+        for name, changes in _CHANGES.items():
+            for change in changes:
+                change(sys.modules[name])
 
 
 def _set_folder() -> None:
