@@ -28,6 +28,7 @@ from rig_nodes.cli.output_files import check_outputs
 
 TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from typing import Any, TextIO
 
 VERBS = Group("verbs", "verb", __package__, "HELP")
@@ -39,6 +40,12 @@ def on_sigterm(_number: int, _frame: object) -> None:
     """Raise Terminated, only once, so that a second signal does not disturb the orderly end."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise Terminated
+
+
+class NotPrinted(RigError):
+    """Output that could not be written, as on a full disk; the reader's end is a BrokenPipeError and no fault."""
+
+    exit_code = 1
 
 
 class Shown:
@@ -56,15 +63,28 @@ class Shown:
             text = text.replace("./rig ", "rig ")
         inner = text.strip("\r")
         before, _, after = text.partition(inner) if inner else (text, "", "")
-        self._stream.write(before + printable(inner, "\n\t") + after)
+        with written():
+            self._stream.write(before + printable(inner, "\n\t") + after)
         return len(text)
 
     def flush(self) -> None:
         """Pass on what the stream has kept."""
-        self._stream.flush()
+        with written():
+            self._stream.flush()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
+
+
+@contextlib.contextmanager
+def written() -> Iterator[None]:
+    """Raise NotPrinted for output that cannot be written."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise NotPrinted(f"its output cannot be written ({error.strerror})") from None
 
 
 def usage() -> str:
@@ -183,6 +203,11 @@ def _answer(arguments: list[str], started: bool) -> int:
         code = run_verb(arguments[0], arguments[1:])
         sys.stdout.flush()
         return code
+    except NotPrinted as error:
+        _drop_output()
+        with contextlib.suppress(RigError):  # both may go into one file
+            print(f"rig: {error}", file=sys.stderr)
+        return error.exit_code
     except RigError as error:
         if started and isinstance(error, Lacking):
             add_extra(error.extra)
@@ -198,6 +223,10 @@ def _answer(arguments: list[str], started: bool) -> int:
         print("rig: there is not enough memory for this; what was begun is not finished", file=sys.stderr)
         return 1
     except BrokenPipeError:
-        # The reader (head, less) has ended: this is not an error, and Python must not print one at its exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()  # the reader (head, less) has ended: this is not an error
         return 141
+
+
+def _drop_output() -> None:
+    """Let what is still to be printed go nowhere, so that Python does not fail with it at its exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -14,6 +14,7 @@ import ctypes
 import importlib
 import json
 import os
+import select
 import signal
 import socket
 import sys
@@ -25,6 +26,8 @@ from ...base import RigError
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PRELOADED = "rig_nodes.nodes.preloaded"
 PR_SET_NAME = 15
+REPORTED = 2.0  # s from the end of a process to the server's word on how it ended
+UNREPORTED = 255  # exit code of a process whose server has ended too
 
 
 def start_server() -> None:
@@ -105,7 +108,9 @@ class Child:
         )
         try:
             self._process.start()
-        except (EOFError, ConnectionError):
+            # the kernel's word on whether it runs: the server, which is a process too, may be stopped or gone
+            self._alive = os.pidfd_open(self.pid)
+        except (EOFError, ConnectionError, ProcessLookupError):
             raise RigError(f"{name} cannot be started: the server of the rig's processes has ended") from None
         status.close()
         orders.close()
@@ -123,7 +128,7 @@ class Child:
     @property
     def exit_code(self) -> int | None:
         """Exit code of an ended process, negative after a signal; None while it runs."""
-        return self._process.exitcode
+        return self._process.exitcode if self.ended() else None
 
     def messages(self) -> list[dict]:
         """Return the status lines that have arrived."""
@@ -143,39 +148,61 @@ class Child:
 
     def ended(self) -> bool:
         """Return whether the process has ended."""
-        return self.exit_code is not None
+        return self._ends_in(0.0)
+
+    def _ends_in(self, seconds: float | None) -> bool:
+        """Wait so long (None: without a limit) for the end of the process; return whether it has ended."""
+        line = select.poll()
+        line.register(self._alive, select.POLLIN)
+        if not line.poll(None if seconds is None else 1e3 * seconds):
+            return False
+        self._process.join(REPORTED)
+        if self._process.exitcode is None:
+            self._end_server()
+        return True
+
+    def _end_server(self) -> None:
+        """Kill the server, which does not report the end of this process, as one that was stopped (SIGSTOP) does not."""
+        with contextlib.suppress(OSError):  # it has reported it now
+            server = _parent(self.pid)
+            if _parent(server) == os.getpid():
+                os.kill(server, signal.SIGKILL)
+        self._process.join()
 
     def how(self) -> str:
         """Return how an ended process ended, for people."""
         code = self.exit_code
         if code < 0:
             return f"killed by signal {-code} ({signal.Signals(-code).name})"
+        if code == UNREPORTED:
+            return "ended, as did the server of the rig's processes, which knew how"
         return f"ended with exit code {code}"
 
     def signal(self, number: int) -> None:
         """Send a signal unless the process has ended."""
-        if self.pid is not None and not self.ended():
-            os.kill(self.pid, number)
-
-    def wait(self) -> None:
-        """Wait for the end of the process."""
-        self._process.join()
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._alive, number)
 
     def finish(self, seconds: float) -> bool:
         """Wait for the end of the process, and kill it after ``seconds``; return False when it was killed."""
-        self._process.join(seconds)
-        if self.ended():
+        if self._ends_in(seconds):
             return True
-        self._process.kill()
-        self._process.join()
+        self.signal(signal.SIGKILL)
+        self._ends_in(None)
         return False
 
     def close(self) -> None:
         """Close both lines; a process that still runs is killed."""
         self.finish(0.0)
         self._process.close()
+        os.close(self._alive)
         self._status.close()
         self._orders.close()
+
+
+def _parent(pid: int) -> int:
+    """Return the number of a process's parent; OSError when the process is gone."""
+    return int(Path(f"/proc/{pid}/status").read_text(encoding="utf-8").partition("PPid:")[2].split()[0])
 
 
 def _begin(

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...base import pair
+from ...base import RigError, pair
 from ...controllers import Domain, environment, participants
 from ...runs import FOLLOWING, PROCESS_LOST, STOOD_STILL
 from .child import Child
@@ -31,6 +31,8 @@ MODULES = {"recorder": "recorder", "container": "rig_container", "alfa46": "alfa
 END_ORDER = (("container",), ("alfa46", "sequencer"), ("recorder",))
 END_TIMEOUT = 12.0  # s that a process has for its orderly end
 STANDS = 1.0  # s without a word of the recorder after which it stands still
+LEFT = 2.0  # s that a process has to end once it has closed its line
+LONGEST_END = 60.0  # s from a stop signal to the end by force, which leaves the processes to end themselves
 AFTER_TRIP = 0.3  # s recorded after the safe state
 RESTARTED = ("alfa46", "recorder", "sequencer")  # restarted when they die, in a rig that is operated by hand
 LIVES, LIVES_TIME = 3, 60.0  # a process that ends more often than this within so many s is not started again
@@ -149,8 +151,9 @@ class Supervisor:
         self._unexplained = ""  # reason of the trip before the controller's plug told more
         self._awaited = ""  # sentence that no controller has come yet, as the alfa46 process reported last
         self._recorded = 0.0  # time.monotonic() when the recorder last said that it goes on; 0 before, and after it stood still
+        self._unheard = False  # True: what is told can no longer be written
         self._end_at = math.inf
-        self._lock = threading.Lock()  # protects the wake pipe
+        self._lock = threading.RLock()  # protects the wake pipe; a second signal may interrupt the handler of the first
         self._wake_read, self._wake_write = os.pipe()
         for descriptor in (self._wake_read, self._wake_write):
             os.set_blocking(descriptor, False)
@@ -172,27 +175,49 @@ class Supervisor:
         Signals are handled only in the main thread.
         """
         handled = (signal.SIGINT, signal.SIGTERM) if threading.current_thread() is threading.main_thread() else ()
-        before = {number: signal.signal(number, lambda n, _frame: self.stop(n)) for number in handled}
+        before = {number: signal.signal(number, self._on_signal) for number in handled}
         try:
             self._start()
             self._watch()
         finally:
-            end = self._stop_all()
-            for number, handler in before.items():
-                signal.signal(number, handler)
-            for child in self.children.values():
-                child.close()
-            with self._lock:
-                self.ended.set()
-                os.close(self._wake_read)
-                os.close(self._wake_write)
+            try:
+                end = self._stop_all()
+            finally:
+                for child in self.children.values():
+                    child.close()
+                if handled:
+                    signal.setitimer(signal.ITIMER_REAL, 0.0)
+                for number, handler in before.items():
+                    signal.signal(number, handler)
+                with self._lock:
+                    self.ended.set()
+                    os.close(self._wake_read)
+                    os.close(self._wake_write)
         return end
+
+    def _on_signal(self, number: int, _frame: object) -> None:
+        """End the run in order; whatever this process waits for then, it is over after LONGEST_END."""
+        signal.setitimer(signal.ITIMER_REAL, LONGEST_END)  # SIGALRM without a handler ends the process
+        self.stop(number)
+
+    def _tell(self, t: float | None, text: str) -> None:
+        """Tell people; when that is no longer possible, the run ends in order, because nobody may be there to end it."""
+        if self._unheard:
+            return
+        try:
+            self.say(t, text)
+        except BrokenPipeError:
+            self._unheard = True
+            self._finish_with(End("interrupted", "the program that read its output has ended"), 0.0)
+        except (OSError, ValueError, RigError) as error:  # a full disk, a closed stream, a character that it cannot have
+            self._unheard = True
+            self._finish_with(End("failed", f"its output cannot be written ({error})"), 0.0)
 
     # ---- start and watch
 
     def _start(self) -> None:
         number = self.domain.number
-        self.say(None, f"starting the nodes in ROS domain {number}: other tools see them with ROS_DOMAIN_ID={number}")
+        self._tell(None, f"starting the nodes in ROS domain {number}: other tools see them with ROS_DOMAIN_ID={number}")
         (self.folder / "logs").mkdir(exist_ok=True)
         self._others = participants(number)
         links = self._links() if self.order.speed is not None else {}
@@ -261,16 +286,16 @@ class Supervisor:
             self._recorded = time.monotonic()
         elif kind == "running":
             self.running.set()
-            self.say(None, "all nodes are connected, time starts")
+            self._tell(None, "all nodes are connected, time starts")
         elif kind == "state":
             self._on_state(message)
         elif kind == "step":
-            self.say(message["t"], f"step {message['step']} of {message['steps']}: {message['text']}")
+            self._tell(message["t"], f"step {message['step']} of {message['steps']}: {message['text']}")
         elif kind == "told":
-            self.say(message.get("t"), message["text"])
+            self._tell(message.get("t"), message["text"])
         elif kind == "waiting":
             self._awaited = message["awaited"]
-            self.say(None, message["text"])
+            self._tell(None, message["text"])
         elif kind == "end":
             self._finish_with(
                 END_BY_HAND if self.order.sequence is None else End("failed", "ended by /rig/end before its sequence was done"), 0.0
@@ -294,7 +319,7 @@ class Supervisor:
         if self.end is not None:
             self.end.reason = self._explained(self.end.reason)
         reason = f": {self.reason}" if self.reason else ""
-        self.say(self.time, f"the rig is {self.state.lower()}{reason}")
+        self._tell(self.time, f"the rig is {self.state.lower()}{reason}")
         if self.state == "TRIPPED" and self.end is not None and self.end.state == "failed":
             if self.reason not in self.end.reason:
                 self.end.reason += f"; safe state: {self.reason}"
@@ -314,7 +339,7 @@ class Supervisor:
 
     def _on_death(self, child: Child) -> Child | None:
         """Bring the rig into its safe state, then end the run or, for a rig operated by hand, start the process again."""
-        child.wait()
+        child.finish(LEFT)
         how = f"{child.name} {child.how()}"
         if child.name != "container" and self.running.is_set() and self.order.speed is None:
             self.children["container"].send(trip=how, name=PROCESS_LOST)
@@ -322,7 +347,7 @@ class Supervisor:
             self._finish_with(End("failed", f"{how}; see logs/{child.log}"), AFTER_TRIP)
             return None
         self.restarts.append({"process": child.name, "how": child.how(), "t": self.time, "at": time.monotonic()})
-        self.say(self.time, f"{how} and is started again; see logs/{child.log}")
+        self._tell(self.time, f"{how} and is started again; see logs/{child.log}")
         child.close()
         again = self._begin(child.name, life=child.life + 1)
         self.children["container"].send(event="process_restarted", text=f"{how} and was started again")
@@ -361,12 +386,12 @@ class Supervisor:
                 child.signal(signal.SIGINT if early else signal.SIGTERM)
             for child in group:
                 if not child.finish(END_TIMEOUT):
-                    self.say(None, f"{child.name} did not end in {END_TIMEOUT:.0f} s and was killed")
+                    self._tell(None, f"{child.name} did not end in {END_TIMEOUT:.0f} s and was killed")
                 for message in child.messages():
                     if message["kind"] == "state":
                         self._on_state(message)
                     elif message["kind"] in ("told", "waiting"):
-                        self.say(message.get("t"), message["text"])
+                        self._tell(message.get("t"), message["text"])
                     elif message["kind"] == "failed":
                         self._end_badly(f"{child.name}: {message['text']}")
                 if child.exit_code:
