@@ -92,6 +92,27 @@ def holds(l0: float, l1: float, cap: Floats, f: int) -> bool:
     return not (l1 - min(cap[LO1, f], -cap[KIN1, f]) < -lim or l0 - min(cap[LO0, f], -cap[KIN0, f]) < -4.0 * lim)
 
 
+@njit(**INLINED)
+def losses_met(loss: Floats, torque: Floats, gained: tuple[float, ...], near: float, v: Floats) -> bool:
+    """Return whether all losses are what the torques (m,) and accelerations at a step's end demand, and correct them if not.
+
+    The losses of a step that meets them become those of the last step.
+    """
+    m, met = torque.shape[0], True
+    for k in range(loss.shape[0]):
+        total = dot(vector(loss, k * loss.shape[1] + WEIGHTS + m, v), gained)
+        for f in range(m):
+            total += loss[k, WEIGHTS + f] * torque[f]
+        asked = loss_at(loss, k, total, v[int(loss[k, WAY])])
+        met = met and abs(asked - loss[k, NEXT]) <= near
+        loss[k, NEXT] = asked
+    if met:
+        for k in range(loss.shape[0]):
+            loss[k, BEFORE] = loss[k, LAST]
+            loss[k, LAST] = loss[k, NEXT]
+    return met
+
+
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True, _nrt=False)
 def attempt(h: float, line: Record, before: int) -> int:
     """Take the step of :func:`quiet_step` with predicted losses by torque, or with those that the attempts ``before`` corrected.
@@ -181,19 +202,8 @@ def attempt(h: float, line: Record, before: int) -> int:
         near = NEAR if shared else PREDICTED
         # accelerations at the end, by the trapezoidal rule
         gained = add(scaled(2.0 / h, dv), -1.0, accel)
-        met = True
-        for k in range(loss.shape[0]):
-            torque = dot(vector(loss, k * loss.shape[1] + WEIGHTS + m, v), gained)
-            for f in range(m):
-                torque += loss[k, WEIGHTS + f] * torque1[f]
-            asked = loss_at(loss, k, torque, v[int(loss[k, WAY])])
-            met = met and abs(asked - loss[k, NEXT]) <= near
-            loss[k, NEXT] = asked
-        if not met:
+        if not losses_met(loss, torque1, gained, near, v):
             return CORRECTED
-        for k in range(loss.shape[0]):
-            loss[k, BEFORE] = loss[k, LAST]
-            loss[k, LAST] = loss[k, NEXT]
     stuck = False
     for f in range(m):
         mo = mode[f]

@@ -9,7 +9,7 @@ makes the matrices of the method; this one leaves to it each step that needs oth
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from rig_nodes.base import INLINED, njit
 from rig_nodes.driveline.algebra import (
@@ -34,8 +34,8 @@ from rig_nodes.driveline.algebra import (
 )
 from rig_nodes.driveline.collocation import EIGENVALUES, END, MEAN, MOMENT, NODES, PHASE, SHARES, TWICE
 from rig_nodes.driveline.collocation import WEIGHTS as OF_NODES
-from rig_nodes.driveline.losses import BEFORE, LAST, NEXT, PREDICTED, WAY, WEIGHTS, loss_at, predict_losses, put_predicted
-from rig_nodes.driveline.quiet import ATTEMPTS, CORRECTED, DONE, EVENT, NEAR, borne, held, holds, shares_hold
+from rig_nodes.driveline.losses import PREDICTED, predict_losses, put_predicted
+from rig_nodes.driveline.quiet import ATTEMPTS, CORRECTED, DONE, EVENT, NEAR, borne, held, holds, losses_met, shares_hold
 from rig_nodes.driveline.small_vectors import add, dot, product, put, room, scaled, vector
 
 if TYPE_CHECKING:
@@ -79,6 +79,67 @@ def solved(
     return r0, i0, r1, i1
 
 
+class Solved(NamedTuple):
+    """What a step has been found to do.
+
+    Parameters
+    ----------
+    slip, torque0, torque1 : (m,) arrays
+        Slips at the start [rad/s], and torques at both ends [Nm].
+    rates : (s,) array
+        Rates of the twists at the start [rad/s].
+    speed, dv, mean, moment, during : (n,) vectors
+        Speeds at the start, their change, its mean and its moment about the middle of the step [rad/s], and the mean forces [Nm].
+    z : (4, n) vectors
+        Real and imaginary parts of both z.
+    """
+
+    slip: Floats
+    torque0: Floats
+    torque1: Floats
+    rates: Floats
+    speed: tuple[float, ...]
+    dv: tuple[float, ...]
+    mean: tuple[float, ...]
+    moment: tuple[float, ...]
+    during: tuple[float, ...]
+    z: tuple[tuple[float, ...], ...]
+
+
+@njit(**INLINED)
+def take(h: float, line: Record, of: Solved, orr: int) -> None:
+    """Move a driveline's record by a step, and add its works and heats; R begins at orr in the work buffer."""
+    w, q, cap, v, sh, kc = line.w, line.q, line.cap, line.v, line.sh, line.kc
+    mode, el, e_in, work, twist, shaft = line.mode, line.el, line.e_in, line.work, line.twist, line.shaft
+    m, n = w.shape
+    stuck = False
+    for f in range(m):
+        mo, along = mode[f], vector(w, f * n, v)
+        middle = of.slip[f] + dot(along, of.mean)
+        lam = 0.5 * (of.torque0[f] + of.torque1[f])
+        if mo == STUCK:
+            stuck = True
+            lam = dot(vector(work, orr + f * n, v), of.during)
+        elif mo != OPEN:
+            el[E_FRIC, f] += h * (lam * middle + (of.torque1[f] - of.torque0[f]) * dot(along, of.moment))
+        el[LAM, f] = of.torque1[f]
+        el[IMPULSE, f] += h * lam
+        if cap[VISC, f] != 0.0:
+            # the change of the slip is braked by the drag of the matrices, what it was at the start by that of this step
+            kept = work[HEAD + f]
+            el[E_VISC, f] += h * (kept * mean_square(of.slip[f], along, of.z) + (cap[VISC, f] - kept) * of.slip[f] * middle)
+    for j in range(n):
+        e_in[j] += h * (0.5 * (q[0, j] + q[1, j]) * (of.speed[j] + of.mean[j]) + (q[1, j] - q[0, j]) * of.moment[j])
+    for a in range(sh.shape[0]):
+        along, rate = vector(sh, a * n, v), of.rates[a]
+        twist[a] += h * (rate + dot(along, of.mean))
+        if kc[1, a] != 0.0:
+            shaft[E_SHAFT, a] += h * kc[1, a] * mean_square(rate, along, of.z)
+        shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rate + dot(along, of.dv))
+    speed = add(of.speed, 1.0, of.dv)
+    put(v, 0, held(speed, mode, w, work, orr, v) if stuck else speed)
+
+
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=True, _nrt=False)
 def attempt(h: float, line: Record, before: int) -> int:
     """Take the step of :func:`quiet_shafts_step` with predicted losses, or with those that the attempts ``before`` corrected.
@@ -86,7 +147,7 @@ def attempt(h: float, line: Record, before: int) -> int:
     Returns as `driveline.quiet.attempt` does.
     """
     w, q, cap, loss, v, sh, kc = line.w, line.q, line.cap, line.loss, line.v, line.sh, line.kc
-    mode, el, e_in, work, own, twist, shaft = line.mode, line.el, line.e_in, line.work, line.own.shape, line.twist, line.shaft
+    mode, work, own, twist = line.mode, line.work, line.own.shape, line.twist
     m, n = w.shape
     at = places(n, m, sh.shape[0], loss.shape[0])
     slip0, slip1, torque0, torque1, rates = room(mode), room(mode), room(mode), room(mode), room(twist)
@@ -164,47 +225,9 @@ def attempt(h: float, line: Record, before: int) -> int:
             speeding = mo * dot(vector(w, f * n, v), accel)
             if not (y0 > tol and mo * slip1[f] > 0.0 and (speeding >= 0.0 or y0 + speeding * h > 0.0)):
                 return EVENT
-    if loss.shape[0] > 0:
-        near, gained, met = NEAR if shared else PREDICTED, product(work, at.p, end), True
-        for k in range(loss.shape[0]):
-            torque = dot(vector(loss, k * loss.shape[1] + WEIGHTS + m, v), gained)
-            for f in range(m):
-                torque += loss[k, WEIGHTS + f] * torque1[f]
-            asked = loss_at(loss, k, torque, v[int(loss[k, WAY])])
-            met = met and abs(asked - loss[k, NEXT]) <= near
-            loss[k, NEXT] = asked
-        if not met:
-            return CORRECTED
-        for k in range(loss.shape[0]):
-            loss[k, BEFORE] = loss[k, LAST]
-            loss[k, LAST] = loss[k, NEXT]
-    moment = add(mixed(MOMENT, z), -0.5, mean)
-    stuck = False
-    for f in range(m):
-        mo, along = mode[f], vector(w, f * n, v)
-        middle = slip0[f] + dot(along, mean)
-        lam = 0.5 * (torque0[f] + torque1[f])
-        if mo == STUCK:
-            stuck = True
-            lam = dot(vector(work, at.r + f * n, v), during)
-        elif mo != OPEN:
-            el[E_FRIC, f] += h * (lam * middle + (torque1[f] - torque0[f]) * dot(along, moment))
-        el[LAM, f] = torque1[f]
-        el[IMPULSE, f] += h * lam
-        if cap[VISC, f] != 0.0:
-            # the change of the slip is braked by the drag of the matrices, what it was at the start by that of this step
-            kept = work[HEAD + f]
-            el[E_VISC, f] += h * (kept * mean_square(slip0[f], along, z) + (cap[VISC, f] - kept) * slip0[f] * middle)
-    for j in range(n):
-        e_in[j] += h * (0.5 * (q[0, j] + q[1, j]) * (speed[j] + mean[j]) + (q[1, j] - q[0, j]) * moment[j])
-    for a in range(sh.shape[0]):
-        along = vector(sh, a * n, v)
-        twist[a] += h * (rates[a] + dot(along, mean))
-        if kc[1, a] != 0.0:
-            shaft[E_SHAFT, a] += h * kc[1, a] * mean_square(rates[a], along, z)
-        shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rates[a] + dot(along, dv))
-    speed = add(speed, 1.0, dv)
-    put(v, 0, held(speed, mode, w, work, at.r, v) if stuck else speed)
+    if loss.shape[0] > 0 and not losses_met(loss, torque1, product(work, at.p, end), NEAR if shared else PREDICTED, v):
+        return CORRECTED
+    take(h, line, Solved(slip0, torque0, torque1, rates, speed, dv, mean, add(mixed(MOMENT, z), -0.5, mean), during, z), at.r)
     return DONE
 
 
