@@ -10,7 +10,7 @@ gears, clutches, pressures and ratios from it and name none of them.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, TypeVar
 from ..plant import kiss_pressure
 from ..plant import part as parts
 from .driveline import build_driveline, held_ratio, inertias_of
-from .structure import Device, End, Structure, key_of, structure_of
+from .structure import Device, End, Shaft, Structure, key_of, structure_of
 from .transducer_types import measured_range
 
 if TYPE_CHECKING:
@@ -135,9 +135,9 @@ class Inertias:
     Parameters
     ----------
     driving : float
-        Inertia on the input shaft, with the motor [kg m2].
+        Inertia on the input shaft, with the motor, also where a compliant shaft joins it [kg m2].
     driven : float
-        Inertia of the output side, with the load [kg m2].
+        Inertia of the output side, with the load in the same way [kg m2].
     reduction : float
         Speed of the axis of ``driven`` divided by that of the output shaft.
     """
@@ -342,8 +342,8 @@ def made_of(record: Mapping) -> Transmission:
         )
     wiring = dict(zip((valve.name for valve in structure.valves), record.get("wiring", ())))
     clutches = tuple(_clutch(one, structure, record, wiring) for one in structure.clutches)
-    driving, one = tied_to(structure, inertias, ends[0])
-    driven, reduction = tied_to(structure, inertias, ends[1])
+    driving, one = tied_to(structure, inertias, ends[0], structure.shafts)
+    driven, reduction = tied_to(structure, inertias, ends[1], structure.shafts)
     both, shown = Inertias(driving * one**2, driven, reduction), ranges_of(structure, record)
     return Transmission(structure.input, structure.output, clutches, tuple(gears), both, _yields(structure), shown)
 
@@ -417,8 +417,8 @@ def _clutch(device: Device, structure: Structure, record: Mapping, wiring: Mappi
     )
 
 
-def tied_to(structure: Structure, inertias: Mapping[str, float], body: str) -> tuple[float, float]:
-    """Return the inertia of all that toothed wheels tie to a body.
+def tied_to(structure: Structure, inertias: Mapping[str, float], body: str, shafts: Iterable[Shaft] = ()) -> tuple[float, float]:
+    """Return the inertia of all that toothed wheels tie to a body, and some shafts as if they were rigid.
 
     Parameters
     ----------
@@ -428,6 +428,8 @@ def tied_to(structure: Structure, inertias: Mapping[str, float], body: str) -> t
         Inertia of each body [kg m2].
     body : str
         Name of the body.
+    shafts : iterable of Shaft
+        Shafts that join what lies beyond them too.
 
     Returns
     -------
@@ -437,10 +439,11 @@ def tied_to(structure: Structure, inertias: Mapping[str, float], body: str) -> t
         Speed of that axis divided by the speed of the body.
     """
     speeds, todo = {body: 1.0}, [body]
+    joins = [*((mesh.bodies, mesh.ratio) for mesh in structure.meshes), *((shaft.bodies, 1.0) for shaft in shafts)]
     while todo:
         here = todo.pop()
-        for mesh in structure.meshes:
-            for (a, b), ratio in ((mesh.bodies, mesh.ratio), (mesh.bodies[::-1], 1.0 / mesh.ratio)):
+        for bodies, ratio_of in joins:
+            for (a, b), ratio in ((bodies, ratio_of), (bodies[::-1], 1.0 / ratio_of)):
                 if a == here and b not in speeds:
                     speeds[b] = speeds[here] * ratio
                     todo.append(b)

@@ -288,10 +288,10 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     """
     speeds = RPM * np.array([5.0, 50.0, 120.0, 230.0, 350.0, 470.0])
     torques = np.array([steady_torque(config, 0, speed, 0.0) for speed in speeds])
-    coasting = float(torques[-1])
+    coasting, driving = float(torques[-1]), transmission_of(config).inertias.driving
     values = {
         "coast_down_torque": coasting,
-        "coast_down_tangent_time": config.w0.inertia * 470 * RPM / coasting,
+        "coast_down_tangent_time": driving * 470 * RPM / coasting,
         "valve_mean_torque_s1": steady_torque(config, 1, 500 * RPM, 30.0),
         "valve_mean_torque_s2": steady_torque(config, 2, 500 * RPM, 30.0),
     }
@@ -299,7 +299,7 @@ def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
     start, end, parabola = curve.pieces[0]
     t, w = np.arange(start, end, 1e-2), np.linspace(speeds[0], np.polyval(parabola, start), 500)
     # the time from one speed to the next, by trapezoids of J / M
-    gone = config.w0.inertia * np.cumsum(np.diff(w) / np.interp(0.5 * (w[1:] + w[:-1]), speeds, torques))
+    gone = driving * np.cumsum(np.diff(w) / np.interp(0.5 * (w[1:] + w[:-1]), speeds, torques))
     apart = np.interp(t, gone[-1] - np.append(0.0, gone)[::-1], w[::-1]) - np.polyval(parabola, t)
     miss = float(np.sqrt(np.mean(apart**2)))
     return [
