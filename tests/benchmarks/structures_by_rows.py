@@ -48,10 +48,40 @@ class Structure:
     rig: str = ""
 
 
+VALVES = {
+    "pressure_gain": "5.019 MPa/A",
+    "cracking_current": "125 mA",
+    "hysteresis": "10.27 %",
+    "full_opening_pressure": "0.2432 MPa",
+    "spool_time": "13.22 ms",
+    "orifice_area": "4.701 mm2",
+    "drain_area": "4.701 mm2",
+    "supply_bore_area": "0.7568 mm2",
+    "drain_bore_area": "0.2276 mm2",
+}
+CLUTCHES = {"hose_give": "0.4244 cm3/MPa", "feed_area": "8.7 mm2", "pack_rate": "5163 N/mm", "pack_travel": "2.858 mm"}
+# Values that `rig calibrate`'s rows ask for with all four structures, found by its least squares from near the rig's own.
+TOGETHER = {
+    **{f"valve_zr_p{k}.{name}": value for k in (1, 2) for name, value in VALVES.items()},
+    **{f"clutch_s{k}.{name}": value for k in (1, 2) for name, value in CLUTCHES.items()},
+    "clutch_s1.clearance": "1.881 mm",
+    "clutch_s2.clearance": "7.002 mm",
+    "clutch_s2.drained_volume": "16.09 cm3",
+    "plate_pack.rest_torque": "53.64 Nm",
+    "plate_pack.friction_kinetic": "0.09279 -",
+    "plate_pack.film_time": "255.7 ms",
+    "plate_pack.friction_speed": "0.6099 m/s",
+    "plate_pack.break_slip": "0.978 mm",
+}
+
 STRUCTURES = {
     "drain bore of ZR-P2 0.22 mm2": Structure({"valve_zr_p2.drain_bore_area": "0.22 mm2"}),
     "drain bore of ZR-P2 0.35 mm2": Structure({"valve_zr_p2.drain_bore_area": "0.35 mm2"}),
     "input shaft of 5000 Nm/rad": Structure(rig=SHAFT),
+    "break-away within 0.5 mm of slip": Structure({"plate_pack.break_slip": "0.5 mm"}),
+    "shaft, break-away, hose and drain, calibrated": Structure(
+        {"input_shaft.stiffness": "8000 Nm/rad", "input_shaft.damping": "1.5 Nm s/rad", **TOGETHER}, SHAFT
+    ),
 }
 
 

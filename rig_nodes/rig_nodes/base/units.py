@@ -59,6 +59,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "l": ("volume", 1e-3),
     "m3": ("volume", 1.0),
     "cm3/s": ("volume flow", 1e-6),
+    "cm3/MPa": ("volume per pressure", 1e-12),
     "l/min": ("volume flow", 1e-3 / 60.0),
     "m3/s": ("volume flow", 1.0),
     "cm3/rev": ("displacement", 1e-6 / (2.0 * math.pi)),

@@ -100,6 +100,14 @@ class PlatePack(PackGeometry):
     )
     wear_rate: float = param("wear rate", 0.0, 1e-6, "Growth of the whole pack's clearance with the heat of friction")
     wear_per_kelvin: float = param("per temperature", 0.0, 1.0, "Share by which the wear rate grows per kelvin")
+    break_slip: float = param(
+        "length",
+        0.0,
+        0.1,
+        "Way of slip at the mean radius on which the contacts lose all but 1/e of the static friction that the speed takes from "
+        "them; 0 leaves the loss to film_time alone",
+        0.0,
+    )
 
 
 @dataclass(frozen=True)
@@ -302,6 +310,7 @@ DERIVED = (
     "holding_kinetic",
     "holding_excess",
     "stribeck",
+    "per_break",
     "rest_force",
     "drag_factor",
     "new_clearance",
@@ -357,6 +366,7 @@ def derived_of_pack(plates: PlatePack, pack: PackFriction, clearance: float, spl
         "holding_kinetic": hold_kinetic,
         "holding_excess": hold_static - hold_kinetic,
         "stribeck": plates.mean_radius * plates.area * plates.friction_pressure / plates.friction_speed,
+        "per_break": 0.5 * plates.mean_radius / plates.break_slip if plates.break_slip else 0.0,
         "rest_force": plates.rest_torque / static if static else 0.0,
         "drag_factor": drag_factor(plates, pack.drag_model),
         "new_clearance": clearance,
@@ -448,6 +458,9 @@ def capacities_after(me: Record, my: Record, piston: float, drag: float, world: 
     left = max(0.0, (twice - my.step) / (twice + my.step))
     at_rest = 1.0 - (1.0 - me.boundary) * left
     share = boundary_share(slip, force, viscosity, my.stribeck)
+    if share < me.boundary:  # oil has to flow in, but asperities part as the plates slide: whichever is faster
+        parted = twice * abs(slip) * my.step * my.per_break
+        left = max(0.0, (twice - my.step - parted) / (twice + my.step + parted))
     me.boundary = share + (me.boundary - share) * left
     force *= friction_factor(me.temperature, my)
     me.kinetic = force * (my.kinetic_per_force + my.excess_per_force * me.boundary)

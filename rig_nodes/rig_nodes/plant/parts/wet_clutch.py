@@ -66,6 +66,9 @@ class Cylinder(PackFriction):
         "volume", 0.0, 1e-2, "Volume of the line that runs empty while it has no pressure, and is filled first; 0 for none", 0.0
     )
     drain_time: float = param("time", 1e-3, 1e4, "Time constant with which the line runs empty", 1.0)
+    hose_give: float = param(
+        "volume per pressure", 0.0, 1e-9, "Volume by which the hose and air in it give way per pressure, beside the oil itself", 0.0
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -197,7 +200,7 @@ def oil_stiffness(h: float, oil: Record, clutch: Record) -> tuple[float, float, 
         of the feed orifice per flow squared [Pa s2/m6].
     """
     return (
-        clutch.line_volume / oil.bulk_modulus / h,
+        (clutch.line_volume / oil.bulk_modulus + clutch.hose_give) / h,
         1.5 * clutch.chamber_volume / oil.bulk_modulus / h,
         oil.density / (2.0 * clutch.feed_area * clutch.feed_area),
     )

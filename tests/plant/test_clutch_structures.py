@@ -1,0 +1,84 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Friction that breaks on a way of slip, a hose that gives way, and inertias behind a compliant shaft, each by itself."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rig_nodes.rig import load_rig, transmission_of
+from rig_nodes.runs import Rig
+
+SUPPLY = 4e6  # Pa
+SHAFT = """\
+description: HydmAG with a compliant input shaft
+base: hydmag
+bodies:
+  rotor: {inertia: [0.6546 kg m2, "assumed"]}
+  w0: {inertia: [0.0544 kg m2, "assumed"]}
+shafts:
+  input_shaft: {joins: [rotor, w0], stiffness: [8000 Nm/rad, "assumed"], damping: [1.5 Nm s/rad, "assumed"]}
+parts:
+  motor: {body: rotor}
+  M_wej: ~
+transducers:
+  M_wej: {type: torque, shows: input_shaft.torque, at: motor}
+"""
+
+
+def ready(**values):
+    """Returns the HydmAG with some values changed, supplied with oil and without errors of transducers."""
+    rig = Rig(load_rig("hydmag", {"effects.transducers": "off", **values}))
+    rig.set("oil", SUPPLY, True)
+    rig.advance_samples(300)
+    return rig
+
+
+def left_after_slip(way, **values):
+    """Returns the share of static friction that S2's plates have left after a way of slip [m] that begins with gear I's order."""
+    rig = ready(**values)
+    rig.order_gear(2)
+    rig.set("motor", 50.0, True)
+    rig.advance_samples(3000)
+    rig.set("load", 4e6, True)
+    rig.advance_samples(1000)
+    rig.order_gear(1)
+    radius, slid = rig.config.plate_pack.mean_radius, 0.0
+    while slid < way:
+        rig.advance_samples(1)
+        slid += radius * abs(rig.true("w0.speed") - rig.true("z5.speed")) * 1e-3
+    return float(rig.device("clutch_s2")["boundary"])
+
+
+def test_asperities_lose_their_static_friction_on_a_way_of_slip():
+    alone, quick, slow = (left_after_slip(30e-3, **{"plate_pack.break_slip": way}) for way in ("0 mm", "1 mm", "15 mm"))
+    assert alone > 0.8  # the oil needs some tenths of a second to come back, the slip only 20 ms for these 30 mm
+    assert quick < 0.3  # what the speed itself leaves
+    assert quick + 0.1 < slow < 0.5
+
+
+def test_a_hose_that_gives_way_empties_as_an_orifice_says():
+    """With Q = A sqrt(2 p / rho) and V = C p the root of the pressure falls along a straight line, by A / (C sqrt(2 rho))."""
+    give = 2e-11
+    rig = ready(**{"clutch_s1.hose_give": "20 cm3/MPa"})
+    rig.order_gear(1)
+    rig.advance_samples(4000)
+    rig.order_gear(0)
+    roots = []
+    for _ in range(80):
+        rig.advance_samples(50)
+        roots.append(math.sqrt(rig.true("clutch_s1.pressure")))
+    valve, values = rig.config.valve_zr_p1, rig.config
+    pack = values.clutch_s1.piston_area**2 / values.clutch_s1.pack_rate  # m3/Pa where the waves of the plates carry alone
+    inside = [k for k, root in enumerate(roots) if 0.6e6 < root * root < 1.8e6]
+    slope = np.polyfit(0.05 * np.array(inside), np.array(roots)[inside], 1)[0]
+    fastest, slowest = (valve.drain_bore_area / ((give + own) * math.sqrt(2.0 * values.oil_supply.density)) for own in (0.0, pack))
+    assert len(inside) > 10 and slowest * 0.97 < -slope < fastest * 1.01
+
+
+def test_the_inertia_of_the_driving_side_reaches_through_a_compliant_shaft(tmp_path):
+    (tmp_path / "rig.yaml").write_text(SHAFT)
+    stiff, soft = (transmission_of(load_rig(name)).inertias for name in ("hydmag", tmp_path / "rig.yaml"))
+    assert soft.driving == pytest.approx(stiff.driving) and soft.driven == stiff.driven
