@@ -108,10 +108,10 @@ def test_rest_at_zero_and_a_signal_of_another_transducer_are_not_at_an_end():
 def test_every_signal_of_a_run_that_was_at_the_end_of_its_range_is_named():
     channels = UP.channels() | {"M_wyj": np.full(30_000, 500.0)}
     report = build_report(FakeBag(Recording(0.0, PERIOD, channels, [], BOX), events=ORDERS), {})
-    sentence = "M_wyj was at the end of its range, 500 Nm, for 3 s: its true values there lie beyond"
+    sentence = "M_wyj was at the end of its range, 500 Nm, for 3 s, 100 % of the run: its true values there lie beyond"
     assert sentence in report["run"]["problems"] and f"problem: {sentence}" in format_report(report)
     pieces = Clipping({"p1": (-0.1e6, 2.3e6)})
     for _ in range(2):
         pieces.add({"p1": np.array([0.0, 2.3e6, np.nan, 2.3e6])}, 0.1)
     (said,) = pieces.sentences(HYDMAG.catalogue.signals)
-    assert said.startswith("p1 was at the end of its range, 2.3 MPa, for 0.4 s")
+    assert said.startswith("p1 was at the end of its range, 2.3 MPa, for 0.4 s, 66.7 % of the run: ")

@@ -112,6 +112,7 @@ class Clipping:
         """Prepare; ``ranges`` is that of the transmission or of transmission.ranges_of."""
         self._ranges = ranges
         self._seconds: dict[str, float] = {}
+        self._whole: dict[str, float] = {}  # time in which each signal has values [s]
         self._beyond: set[str] = set()
 
     def add(self, channels: Mapping[str, np.ndarray], period: float) -> None:
@@ -125,6 +126,7 @@ class Clipping:
                 self._beyond.add(name)
             rows = int(np.count_nonzero(at_an_end(values, ends)))
             self._seconds[name] = self._seconds.get(name, 0.0) + rows * period
+            self._whole[name] = self._whole.get(name, 0.0) + len(values) * period
 
     def sentences(self, signals: Mapping[str, Signal]) -> list[str]:
         """Return a sentence on each signal that was at an end of its range; ``signals`` is the catalogue's."""
@@ -133,8 +135,8 @@ class Clipping:
             if seconds and name not in self._beyond and (one := signals.get(name)):
                 end = float(one.shown(np.array([self._ranges[name][1]]))[0])
                 out.append(
-                    f"{name} was at the end of its range, {end:.4g} {one.display_unit}, for {seconds:.4g} s: "
-                    "its true values there lie beyond"
+                    f"{name} was at the end of its range, {end:.4g} {one.display_unit}, for {seconds:.4g} s, "
+                    f"{100.0 * seconds / self._whole[name]:.3g} % of the run: its true values there lie beyond"
                 )
         return out
 
