@@ -98,8 +98,8 @@ class BagIndex:
         One sentence per fault met so far; each is passed to ``on_damage`` when it is met.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        """Open an .mcap file.
+    def __init__(self, path: str | Path, growing: bool = False) -> None:
+        """Open an .mcap file; ``growing`` is True where one that is still being written is read up to its present end.
 
         Raises
         ------
@@ -109,7 +109,8 @@ class BagIndex:
         self.path = Path(path)
         self.damage: list[str] = []
         self.on_damage: Callable[[str], None] = lambda _: None
-        self._file = McapFile(self.path)
+        self._file = McapFile(self.path, growing)
+        self.writer = self._file.writer
         self.library = ""
         self._unread: dict[tuple[str, int], int] = {}  # (topic or channel, byte in the file) -> messages
         try:

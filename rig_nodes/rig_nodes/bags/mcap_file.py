@@ -17,6 +17,7 @@ from pathlib import Path
 
 from ..base import BagError, quoted
 from . import limits
+from .in_writing import writer_of
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = 1, 2, 3, 4, 5, 6, 7, 8
@@ -48,20 +49,35 @@ class Damage(Exception):
         return f"{self.what.removesuffix(',')}{more}{',' * self.what.endswith(',')} at byte {self.offset} of {size}"
 
 
-class McapFile:
-    """The bytes of a file and the records of its container; ``size`` is its length [bytes]."""
+class StillWritten(BagError):
+    """The bag of a run that goes on."""
 
-    def __init__(self, path: Path) -> None:
-        """Open the file; BagError when it cannot be read or is not an MCAP file."""
+
+class McapFile:
+    """The bytes of a file and the records of its container; ``size`` is its length [bytes].
+
+    ``writer`` names another process that still writes it (in_writing.writer_of), which is refused unless ``growing`` is True.
+    """
+
+    def __init__(self, path: Path, growing: bool = False) -> None:
+        """Open the file; BagError when it cannot be read, is not an MCAP file, or is still being written."""
         try:
             self._file = open(path, "rb", buffering=0)
             self.size = os.fstat(self._file.fileno()).st_size
             head = self._file.read(len(MAGIC))
+            closed = self.size > len(MAGIC) and os.pread(self._file.fileno(), len(MAGIC), self.size - len(MAGIC)) == MAGIC
         except OSError as error:
             raise BagError(f"{path}: cannot be read ({error.strerror})") from None
         self.path = path
         self._block, self._from = b"", 0
         wrong = ""
+        self.writer = "" if closed else writer_of(path)
+        if self.writer and not growing:
+            self._file.close()
+            raise StillWritten(
+                f"{path}: is still being written by {self.writer}; read it when that has ended, or make a bag of what it holds so "
+                "far with ./rig bag recover. ./rig status and ./rig view --live follow a rig that runs"
+            )
         if not head:
             wrong = "is empty (0 bytes); the run that made it wrote nothing, record it again"
         elif head == _SQLITE:

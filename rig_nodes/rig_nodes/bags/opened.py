@@ -21,6 +21,7 @@ from pathlib import Path
 from ..base import BagError, RigError
 from . import limits
 from .index import BagIndex, joined_spans
+from .mcap_file import StillWritten
 from .messages import in_short, nothing_in
 from .metadata import offered_by
 from .pieces import PACKED, Metadata, in_order, plain, read_metadata
@@ -57,13 +58,15 @@ class OpenedBags:
         One sentence for each thing that is no fault of the messages: a renamed file, metadata that cannot be read.
     """
 
-    def __init__(self, paths: Sequence[str | Path]) -> None:
+    def __init__(self, paths: Sequence[str | Path], growing: bool = False) -> None:
         """Open the bags.
 
         Parameters
         ----------
         paths : sequence of str or Path
             Folders or files.
+        growing : bool
+            True to read a bag that is still being written up to its present end.
 
         Raises
         ------
@@ -77,6 +80,7 @@ class OpenedBags:
         self.left_out: Counter[str] = Counter()  # messages per topic that the recorder left out on purpose, by metadata.yaml
         self.holes: Counter[str] = Counter()  # of these, messages that leave a hole in the sequence numbers
         self.notes: list[str] = []
+        self._growing = growing
         self._damage: list[str] = []
         self._starts = 0  # bags that were opened
         self._on_damage: Callable[[str], None] = lambda _: None
@@ -247,9 +251,14 @@ class OpenedBags:
         opened = 0
         for file in files:
             try:
-                self._add(self._stack.enter_context(BagIndex(self._plain(file))))
+                piece = self._stack.enter_context(BagIndex(self._plain(file), self._growing))
+                self._add(piece)
                 self.files.append(file)
                 opened += 1
+                if piece.writer:
+                    self.notes.append(f"{file.name} is still being written by {piece.writer}; this is what it held until now")
+            except StillWritten:
+                raise
             except BagError as error:
                 if len(files) == 1:
                     raise

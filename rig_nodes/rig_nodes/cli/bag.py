@@ -112,7 +112,7 @@ def _write(args: argparse.Namespace) -> int:
     from ..base import RigError, printable
 
     topics, begin, end = None, 0, limits.LAST + 1
-    with OpenedBags(args.bags) as bags:
+    with OpenedBags(args.bags, growing=args.work == "recover") as bags:
         if args.work == "cut":
             topics = chosen(bags.types, args.topics, args.regex, args.exclude_regex)
             begin = bags.time_at(args.begin or 0.0)
