@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from ..base import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE_NS, STATUS, TICK_SAMPLES, Frames, Link, LinkClosed
 from ..controllers import Answer, ControllerFailed, ControllerRecord, Status, record_of
 from ..rig import CONTROLLER_COMMAND
-from ..runs import BAD_CONTROLLER, PROCESS_LOST, RigStatus, give_answer
+from ..runs import BAD_CONTROLLER, ENDED_EARLY, PROCESS_LOST, RigStatus, give_answer
 from .realtime import take_core
 
 if TYPE_CHECKING:
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 GRACE = 0.5  # s more, so that the process nearer to the controller can report first
 BEFORE_FIRST = 60.0  # s for the sequencer to be ready
 LOOK_UP = 0.1  # s of waiting for the controller between checks for an order to end
+
+
+class RunEnds(ControllerFailed):
+    """No answer of the controller because the run ends, which is no fault of the controller."""
 
 
 class RemoteController:
@@ -90,14 +94,18 @@ class RemoteController:
             pass  # answer() reports it
 
     def answer(self) -> Answer | None:
-        """Return the answer to the sample that was sent, None when it was discarded; ControllerFailed when there is no answer."""
+        """Return the answer to the sample that was sent, None when it was discarded.
+
+        ControllerFailed when there is none, RunEnds when that is because the run ends.
+        """
         try:
             data = self._receive(self._timeout)
         except LinkClosed:
-            raise ControllerFailed(self._cause() or "the shift controller's process has ended", Status.FATAL) from None
+            if why := self._cause():
+                raise RunEnds(why, Status.FATAL) from None
+            raise ControllerFailed("the shift controller's process has ended", Status.FATAL) from None
         if data is None and self._stopping():
-            why = self._cause() or "the run was ended while the shift controller was waited for"
-            raise ControllerFailed(why, Status.FATAL)
+            raise RunEnds(self._cause() or "the run was ended while the shift controller was waited for", Status.FATAL)
         if data is None:
             raise ControllerFailed(
                 f"the shift controller took more than {self._limit:g} s for one sample (--step-timeout)", Status.FATAL
@@ -201,6 +209,9 @@ class Lockstep:
             answer = controller.answer()
             if answer is None:
                 rig.explain_silence(controller.trouble)
+        except RunEnds as end:
+            rig.trip(str(end), PROCESS_LOST if self._cause() else ENDED_EARLY)
+            answer = None
         except ControllerFailed as failure:
             rig.trip(str(failure), BAD_CONTROLLER)
             answer = None

@@ -148,9 +148,9 @@ class Child:
 
     def ended(self) -> bool:
         """Return whether the process has ended."""
-        return self._ends_in(0.0)
+        return self.ends_in(0.0)
 
-    def _ends_in(self, seconds: float | None) -> bool:
+    def ends_in(self, seconds: float | None) -> bool:
         """Wait so long (None: without a limit) for the end of the process; return whether it has ended."""
         line = select.poll()
         line.register(self._alive, select.POLLIN)
@@ -185,10 +185,10 @@ class Child:
 
     def finish(self, seconds: float) -> bool:
         """Wait for the end of the process, and kill it after ``seconds``; return False when it was killed."""
-        if self._ends_in(seconds):
+        if self.ends_in(seconds):
             return True
         self.signal(signal.SIGKILL)
-        self._ends_in(None)
+        self.ends_in(None)
         return False
 
     def close(self) -> None:

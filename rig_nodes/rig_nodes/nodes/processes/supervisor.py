@@ -301,13 +301,20 @@ class Supervisor:
                 END_BY_HAND if self.order.sequence is None else End("failed", "ended by /rig/end before its sequence was done"), 0.0
             )
         elif kind == "failed":
-            self._finish_with(End("failed", f"{child.name}: {message['text']}"), 0.0)
+            self._finish_with(End("failed", self._cause(child, message["text"])), 0.0)
         elif kind == "done" and self.order.sequence is not None:
             if message["success"]:
                 self._finish_with(End("ended", "the sequence ended"), 0.0)
             else:
                 awaited = f"; {self._awaited}" if self._awaited not in message["text"] else ""  # '' is in every text
                 self._finish_with(End("failed", self._explained(message["text"]) + awaited), AFTER_TRIP)
+
+    def _cause(self, child: Child, text: str) -> str:
+        """Return why a process failed; where it was the first to notice that another one has ended, how that one did."""
+        other = self.children.get(text.removesuffix(" has ended"))
+        if other is not None and other.ends_in(LEFT) and other.exit_code:
+            return f"{other.name} {other.how()}; see logs/{other.log}"
+        return f"{child.name}: {text}"
 
     def _on_state(self, message: dict) -> None:
         self.time = message["t"]
@@ -393,7 +400,7 @@ class Supervisor:
                     elif message["kind"] in ("told", "waiting"):
                         self._tell(message.get("t"), message["text"])
                     elif message["kind"] == "failed":
-                        self._end_badly(f"{child.name}: {message['text']}")
+                        self._end_badly(self._cause(child, message["text"]))
                 if child.exit_code:
                     self._end_badly(f"{child.name} {child.how()}; see logs/{child.log}")
         return self.end
