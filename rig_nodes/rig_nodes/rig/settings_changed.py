@@ -9,6 +9,7 @@ The page of `rig report --html` lists them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
 from ..base import RIGS, installed
@@ -31,7 +32,8 @@ def changed_settings(record: Mapping) -> tuple[list[tuple[str, str, str]], str]:
     Returns
     -------
     rows : list of (str, str, str)
-        Name of each setting that differs, its value in the rig's folder and in the run; "-" where one has no such setting.
+        Name of each setting that differs, its value in the rig's folder and in the run; "-" where one has no such setting. A
+        setting that a run of an earlier version does not record had its default.
     note : str
         Why nothing could be compared, or that the parts of the rig differ too; empty otherwise.
     """
@@ -40,6 +42,7 @@ def changed_settings(record: Mapping) -> tuple[list[tuple[str, str, str]], str]:
         return [], f"The rig '{name}' is not installed here, so its settings are compared with nothing."
     config = load_rig(name)
     own, ran = ({f"{INSTRUMENTS}.logger_rate": LOGGER_RATE} | dict(_flat(one)) for one in (config.as_dict(), record))
+    ran = dict(_defaults(config.sections, record)) | ran
     rows = [
         (key, _written(config.settings, key, own.get(key)), _written(config.settings, key, ran.get(key)))
         for key in dict.fromkeys([*own, *ran])
@@ -47,6 +50,13 @@ def changed_settings(record: Mapping) -> tuple[list[tuple[str, str, str]], str]:
     ]
     same = config.structure.plain() == record.get("structure")
     return rows, "" if same else f"The parts of the rig that ran are not those of the present rig '{name}'."
+
+
+def _defaults(sections: Mapping[str, Any], record: Mapping) -> Iterator[tuple[str, Any]]:
+    """Yield the defaults of the settings of those sections that a record has."""
+    for name, section in sections.items():
+        if isinstance(record.get(name), Mapping) and is_dataclass(section):
+            yield from ((f"{name}.{one.name}", one.default) for one in fields(section) if one.default is not MISSING)
 
 
 def _flat(node: Any, name: str = "") -> Iterator[tuple[str, Any]]:
