@@ -183,12 +183,13 @@ def rig_command(*arguments, cwd):
         (["demo", "--out", "full"], "exists and is not an empty folder"),
     ],
 )
-def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, verb, arguments, sentence):
+def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, monkeypatch, capsys, verb, arguments, sentence):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")
-    done = rig_command(verb, *arguments, cwd=tmp_path)
-    assert done.returncode == 2
-    assert sentence in done.stderr and len(done.stderr.strip().splitlines()) == 1
+    monkeypatch.chdir(tmp_path)
+    assert main([verb, *arguments]) == 2
+    said = capsys.readouterr().err
+    assert sentence in said and len(said.strip().splitlines()) == 1
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["full", "mine.txt"], "nothing half-written"
 
 
