@@ -172,8 +172,8 @@ def test_every_wire_has_all_outputs(ravigneaux):
 # ---- the templates: each shifts the rig for which it is written, by the commands that are printed
 
 FREE = (pytest.mark.against_the_clock, pytest.mark.campaign)  # tests/controllers has both buses with another rig
-KINDS = ["python", "c", "ros-python"]  # and, in the same languages, in a campaign:
-MORE = [pytest.param(kind, marks=pytest.mark.campaign) for kind in ("fmu", "udp-python", "cpp", "simulink", "udp-c")]
+KINDS = ["python", "c"]  # and, in the same languages, in a campaign:
+MORE = [pytest.param(kind, marks=pytest.mark.campaign) for kind in ("ros-python", "fmu", "udp-python", "cpp", "simulink", "udp-c")]
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *MORE, pytest.param("can", marks=FREE), pytest.param("modbus", marks=FREE)])

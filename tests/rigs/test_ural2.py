@@ -43,6 +43,7 @@ def peak(name, start, **settings):
     return float(np.abs(values[-round(start * 2000) :]).max())
 
 
+@pytest.mark.campaign  # 14 s of processor time; test_hydmag_coupling.py and test_chain_saw.py have theirs in 3
 def test_every_printed_number_is_met_or_shown_to_be_inconsistent(capsys):
     assert main(["validate", "--rig", "ural2", "--jobs", "1"]) == 0
     out = capsys.readouterr().out

@@ -50,8 +50,8 @@ def uncut():
 @pytest.mark.parametrize(
     "devices",
     [
-        # the two valves do not differ, so one of them is enough
-        pytest.param(names, marks=[pytest.mark.campaign] if names == ("valve_zr_p2",) else [])
+        # the last case has all of them
+        pytest.param(names, marks=[] if names in (("motor",), CASES[-1]) else [pytest.mark.campaign])
         for names in CASES
     ],
     ids=lambda names: "+".join(names),

@@ -81,6 +81,7 @@ def test_kiss_pressure_by_hand(config):
     assert 2408e-6 * p + 140e-12 * p * p == pytest.approx(409.0)
 
 
+@pytest.mark.campaign  # 10 s of processor time; test_own_calibration.py finds a value again in one
 def test_losses_are_found_again(config):
     """From values that are far off, least squares bring the coast-down back into its tolerance."""
     parameters = rows.calibration().stages["losses"]
