@@ -140,7 +140,6 @@ def test_a_killed_sweep_is_not_reported_as_a_whole_one(tmp_path, capsys):
     assert f"the sweep is not finished: 1 of 2 members are finished; go on with it: ./rig sweep {folder}" in capsys.readouterr().err
 
 
-@pytest.mark.campaign  # 8 s of processor time, for what few use
 def test_dask_gives_the_same_bytes(tmp_path):
     """The cluster is local and has two processes."""
     pytest.importorskip("distributed")
