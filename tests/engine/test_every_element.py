@@ -54,7 +54,7 @@ def test_the_engine_moves_every_element_as_python_alone_does(moved):
     rig, run, missed = moved
     assert missed.max() < 1e-9 and run.result().capped == 0 and rig.reason == ""
     assert len({event.element for event in run.result().events}) >= 5, "clutches, brakes and the worm lock and let go"
-    for body in ("drum", "saw", "carrier", "right", "shaker", "end", "spider", "crank", "swing"):
+    for body in ("drum", "saw", "carrier", "right", "shaker", "end", "spider", "crank", "swing", "turbine", "fork"):
         speed = run.result().speed(body)
         assert np.ptp(speed) > 0.5, f"{body} moves"
 
@@ -62,10 +62,12 @@ def test_the_engine_moves_every_element_as_python_alone_does(moved):
 def test_torques_are_those_of_python_alone(moved):
     rig, run, _ = moved
     result = run.result()
-    for name in ("soft", "geared", "shoes", "across", "low", "grip", "air", "gravity", "tyre", "shake"):
+    for name in ("soft", "geared", "shoes", "across", "low", "grip", "air", "gravity", "tyre", "shake", "fluid", "map", "pressed"):
         assert rig.true(f"{name}.torque") == pytest.approx(result.torque(name)[-1], rel=1e-9, abs=1e-8), name
     assert rig.true("worm.torque") == pytest.approx(-result.torque("worm", "input")[-1], rel=1e-9)
     assert rig.true("reducer.torque") == pytest.approx(-result.torque("reducer", "pinion")[-1], rel=1e-9)
+    for name, body in (("sweep", "turbine"), ("joint", "fork")):
+        assert rig.true(f"{name}.torque") == pytest.approx(-result.torque(name, body)[-1], rel=1e-9), name
     assert rig.measurement("M_soft") == rig.true("soft.torque")
 
 
@@ -159,6 +161,8 @@ def test_check_draws_every_element(tmp_path, capsys):
         "cam",
         "piston",
         "shake",
+        "fluid",
+        "sweep: its ratio varies",
     ):
         assert name in drawn, name
     assert "worm, efficiency 0.6" in drawn and len(ElementTree.fromstring(drawn)) > 50
@@ -191,7 +195,7 @@ def test_a_run_records_the_torques_in_all_that_joins_bodies(tmp_path):
     run.to(0.32)
     result, signals = run.result(), torque_signals(bag.structure)
     assert [one.name for one in signals if one.of == "set"] == ["set_sun_torque", "set_ring_torque", "set_carrier_torque"]
-    assert len(signals) == 26 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
+    assert len(signals) == 33 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
     for one in signals:
         times, torque = bag.series(one.name)
         rows = np.searchsorted(result.t, times - 1e-9)
@@ -296,7 +300,7 @@ WRONG = {
     "a law over time": (
         "gravity: {body: swing, by: angle",
         "gravity: {body: swing, by: time",
-        "what depends on time belongs under inputs",
+        "what depends on time alone belongs under inputs",
     ),
     "a law of nobody": (
         "tyre: {body: right, of: across",

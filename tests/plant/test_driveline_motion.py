@@ -126,7 +126,7 @@ def test_a_moved_crank_asks_for_the_torque_that_its_inertia_over_the_angle_needs
         (lambda d: d.slider_crank("p", "ground", mass=1.0, radius=0.1, rod=0.3), "varying inertia 'p' names the ground"),
         (
             lambda d: (d.motion("m", "a"), d.motion("n", "b"), d.mesh("g", "a", "b", 2.0, 0.9), d.build()),
-            "speeds that the meshes and free-wheels .'g'. can hold",
+            "speeds that the meshes, variators and free-wheels .'g'. can hold",
         ),
         (lambda d: (d.motion("m", "a"), d.motion("n", "b"), d.freewheel("f", "a", "b"), d.build()), "free-wheels .'f'. can hold"),
         (

@@ -133,12 +133,42 @@ def add(d, inputs, seed):
             d.capacity(name, a if by == "angle" else of, by=by, table=([-5.0, 0.0, 5.0, 15.0], [3.0, 0.0, 6.0, 2.0]))
 
 
-def check(seed, everything=True):
+def add_over_two(d, inputs, seed):
+    """Add to a description of `draw` torques and a capacity over two quantities, and a gear whose ratio varies."""
+    rng = np.random.default_rng(seed + 77)
+    a, b = "J0", "J1"
+    steps, times = np.linspace(-60.0, 60.0, 7), np.linspace(0.0, END, 5)
+    falls = -0.3 * steps[:, None] + rng.uniform(-3.0, 3.0, (7, 5))
+    d.torque("two speeds", a, by=("speed", "speed"), of=(a, b), table=(steps, steps[1:6], falls))
+    d.torque(
+        "ratio",
+        a,
+        b,
+        by=("ratio", "speed"),
+        of=((b, a), a),
+        table=(times, steps, 2.0 * falls.T * np.sign(steps) * (steps / 60.0) ** 2),
+    )
+    turns = np.array([0.0, 1.0, 2.0, 2.0 * math.pi])
+    d.torque("angle", b, by=("angle", "input"), of=(a, "grip"), table=(turns, times, falls[[0, 1, 2, 0]]), period=turns[-1])
+    inputs["grip"] = lambda t: 1.0 + math.sin(9.0 * t)
+    d.brake("pressed", b)
+    d.capacity("pressed", (b, None), by=("speed", "time"), table=(steps, times, rng.uniform(0.0, 6.0, (7, 5))))
+    d.inertia("cone", 10.0 ** rng.uniform(-2.0, 0.0))
+    if rng.random() < 0.5:
+        d.variator("belt", "cone", a, 1.5)
+        inputs["belt"] = (times, rng.uniform(0.5, 2.0, 5))
+    else:
+        d.variator("joint", "cone", a, rng.choice([-1.0, 1.0]), table=(turns, [0.8, 1.25, 1.3, 0.8]), period=turns[-1])
+
+
+def check(seed, everything=True, over_two=False):
     """Return False for a description that is refused; fail with what is wrong with a run."""
     d, inputs = draw(seed)
     try:
         if everything:
             add(d, inputs, seed)
+        if over_two:
+            add_over_two(d, inputs, seed)
         system = d.build()
     except RigError as refusal:
         assert "\n" not in str(refusal)
@@ -163,6 +193,10 @@ def check(seed, everything=True):
 def test_some_random_drivelines():
     """Seed 0 alone takes longer than all of these; it is among the two thousand."""
     assert sum(check(seed) for seed in range(13, 39)) > 15
+
+
+def test_some_random_drivelines_with_laws_over_two_quantities_and_varying_ratios():
+    assert sum(check(seed, everything=seed % 2 == 1, over_two=True) for seed in range(300, 316)) > 10
 
 
 @pytest.mark.parametrize(

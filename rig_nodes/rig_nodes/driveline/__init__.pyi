@@ -12,7 +12,7 @@ from .collocation import highest_resolved as highest_resolved
 from .driven import driven_arrays as driven_arrays, driven_step as driven_step
 from .inputs import Input as Input
 from .law_steps import settled_address as settled_address
-from .laws import MOTION as MOTION, TORQUE as TORQUE, stored_energy as stored_energy
+from .laws import ANGLE as ANGLE, MOTION as MOTION, TORQUE as TORQUE, stored_energy as stored_energy
 from .losses import BASE as BASE, FACTOR as FACTOR, ON as ON, OWN as OWN, loss_width as loss_width
 from .picture import Body as Body, Link as Link, columns as columns, svg as svg
 from .quick import quick_address as quick_address, quick_types as quick_types

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rig_nodes.base import RigError
-from rig_nodes.driveline.description import Description, losses_of
-from rig_nodes.driveline.laws import CAPACITY, FRICTION, MOTION, SHAFT, TORQUE, Law
+from rig_nodes.driveline.description import Description, Reading, losses_of
+from rig_nodes.driveline.laws import ANGLE, ARGUMENT, CAPACITY, FRICTION, GEARING, INPUT, MOTION, SHAFT, SPEED, TORQUE, Law
 from rig_nodes.driveline.motions import locks_itself, rank
 from rig_nodes.driveline.system import Mesh, System
+from rig_nodes.driveline.tables import Grid, Table
 from rig_nodes.driveline.ties import GROUND, bodies_from_speeds, move_nothing, start_speeds
 
 if TYPE_CHECKING:
@@ -26,13 +27,27 @@ if TYPE_CHECKING:
     from rig_nodes.base import Floats
 
 _MAX_ELEMENTS = 50
+_WEIGHTLESS = (
+    1e-12  # share of the largest inertia that the speed of a variator has, which is prescribed; none would have no inverse
+)
 
 
 class Assembly(Description):
     """A description that can be built."""
 
-    def _assemble(self) -> System:
-        """Return the arrays; RigError when the description contradicts itself or has no body with inertia."""
+    def build(self) -> System:
+        """Eliminate the gears and relations and return the arrays.
+
+        Returns
+        -------
+        System
+            The driveline as arrays.
+
+        Raises
+        ------
+        RigError
+            When the description contradicts itself or has no body with inertia.
+        """
         bodies = tuple(self._inertia)
         inertia = np.array([self._inertia[name] for name in bodies])
         if not inertia.any():
@@ -53,19 +68,16 @@ class Assembly(Description):
             raise RigError(
                 "driveline: reduced by the ratios, an inertia is no finite number; inertias and ratios nearer to 1 are needed"
             )
-        row = {name: t[i] for i, name in enumerate(bodies)}
-        row[GROUND] = np.zeros(len(speeds))
-        w = np.zeros((len(elements), len(speeds)))
-        for f, (name, (a, b, ca, cb, *_)) in enumerate(elements.items()):
-            joint = rows.get(name)
-            w[f] = ca * row[a] - cb * row[b] if joint is None else sum(c * row[body] for body, c in joint.items())
-            self._moves(name, w[f])
-        sh = np.zeros((len(self._shafts), len(speeds)))
-        for i, (name, (a, b, ca, cb, *_)) in enumerate(self._shafts.items()):
-            sh[i] = ca * row[a] - cb * row[b]
-            self._moves(name, sh[i])
         given = {name: speed for name, speed in self._speed.items() if speed is not None}
         v_start = self._start(given, bodies, speeds, t, relations)
+        # each variator adds a speed of its own (driveline.variators), on which nothing but its element acts
+        own = len(self._variators)
+        speeds += tuple(f"the ratio of {name}" for name in self._variators)
+        t, v_start = np.pad(t, ((0, 0), (0, own))), np.pad(v_start, (0, own))
+        mass = np.pad(mass, (0, own)) + np.diag([0.0] * len(mass) + [_WEIGHTLESS * mass.max()] * own)
+        row = {name: t[i] for i, name in enumerate(bodies)}
+        row[GROUND] = np.zeros(len(speeds))
+        w, sh = self._slips(elements, rows, row, own)
         e = list(elements.values())
         one_way = np.array([x[6] for x in e], dtype=bool)
         for f, name in enumerate(elements):
@@ -101,6 +113,26 @@ class Assembly(Description):
             balanced,
         )
 
+    def _slips(
+        self, elements: Mapping[str, tuple], rows: Mapping[str, Mapping[str, float]], row: Mapping[str, Floats], own: int
+    ) -> tuple[Floats, Floats]:
+        """Return the rows (m, n) of the slips and (s, n) of the twists by the speeds, the last `own` of which are of variators.
+
+        ``rows`` has the coefficients of elements with more than two bodies, and ``row`` the speeds of each body.
+        """
+        w = np.zeros((len(elements), len(row[GROUND])))
+        for f, (name, (a, b, ca, cb, *_)) in enumerate(elements.items()):
+            joint = rows.get(name)
+            w[f] = ca * row[a] - cb * row[b] if joint is None else sum(c * row[body] for body, c in joint.items())
+            self._moves(name, w[f])
+            if name in self._variators:
+                w[f, len(row[GROUND]) - own + list(self._variators).index(name)] = -1.0
+        sh = np.zeros((len(self._shafts), len(row[GROUND])))
+        for i, (name, (a, b, ca, cb, *_)) in enumerate(self._shafts.items()):
+            sh[i] = ca * row[a] - cb * row[b]
+            self._moves(name, sh[i])
+        return w, sh
+
     def _balances(self, bodies: tuple[str, ...]) -> tuple[dict[str, dict[str, float]], tuple[str, ...]]:
         """Return the relations for bodies without inertia between shafts, and these bodies with those that gears tie to them.
 
@@ -114,7 +146,7 @@ class Assembly(Description):
             return balances, ()
         elements, rows, shafts = self._elements | self._mesh_elements(), self._mesh_rows(), self._shafts
         acting = {name: rows.get(name, {a: ca, b: -cb}) for name, (a, b, ca, cb, *_) in elements.items()}
-        acting |= {name: on for name, (_, on, *_) in self._acts.items()}
+        acting |= {name: on for name, (kind, on, *_) in self._acts.items() if kind != GEARING}
         acting |= {name: {a: ca, b: -cb} for name, (a, b, ca, cb, *_) in shafts.items() if name in self._soft}
         twisting = _rows(bodies, ({a: ca, b: -cb} for a, b, ca, cb, *_ in shafts.values()))
         values = np.array([shaft[4:7] for shaft in shafts.values()], float).reshape(-1, 3)
@@ -167,11 +199,12 @@ class Assembly(Description):
         t: Floats,
         relations: Mapping[str, Mapping[str, float]],
     ) -> Floats:
-        if not self._meshes and not self._lossy_sets:
+        if not self._mesh_rows():
             return start_speeds(given, bodies, t)
         rows = self._mesh_rows()
         meshes = {f"mesh '{name}'": rows[name] for name in self._meshes}
         meshes |= {f"planetary set '{name}'": rows[name] for name in self._lossy_sets}
+        meshes |= {f"variator '{name}'": rows[name] for name in self._variators}
         _, tied = bodies_from_speeds(self._inertia, self._gears, {**relations, **meshes})
         at_start = dict(zip(bodies, tied @ start_speeds(given, bodies, tied)))
         return np.array([at_start[name] for name in speeds])
@@ -183,20 +216,20 @@ class Assembly(Description):
         laws, slots, factors = [], list(sh), {}
         nothing = np.zeros(len(bodies))
         elements, shafts = list(self._elements), list(self._shafts)
-        for name, (reads, by, table, angle) in self._capacities.items():
-            of = _rows(bodies, [reads])[0] @ t
+        for name, (reads, table) in self._capacities.items():
             f = elements.index(name)
-            laws.append(Law(name, CAPACITY, by == "angle", of, 0.0 * of, nothing, table, element=f, start=angle))
+            law = Law(name, CAPACITY, SPEED, 0.0 * w[f], 0.0 * w[f], nothing, element=f)
+            laws += self._reading_laws(law, reads, table, bodies, t, factors)
         for name, table in self._friction.items():
             f = elements.index(name)
-            laws.append(Law(name, FRICTION, False, w[f], 0.0 * w[f], nothing, table, element=f))
+            laws.append(Law(name, FRICTION, SPEED, w[f], 0.0 * w[f], nothing, table, element=f))
         for name, (table, gap, damping, springs) in self._soft.items():
             i = shafts.index(name)
             laws.append(
                 Law(
                     name,
                     SHAFT,
-                    True,
+                    ANGLE,
                     sh[i],
                     0.0 * sh[i],
                     nothing,
@@ -208,34 +241,71 @@ class Assembly(Description):
                     springs=springs,
                 )
             )
-        for name, (kind, on, of, by, table, angle) in self._acts.items():
+        for name, (kind, on, reads, table, *ratio) in self._acts.items():
             acts = _rows(bodies, [on])[0]
-            on, of = acts @ t, _rows(bodies, [of])[0] @ t
+            on = acts @ t
             self._moves(name, on)
-            slot = factor = -1
-            if kind == TORQUE and np.array_equal(on, of):
-                slot = len(slots)
-                slots.append(on)
-            if kind in (TORQUE, MOTION):
+            factor = -1
+            if kind in (TORQUE, MOTION, GEARING):
                 factor = len(factors)
-                factors[name] = 1.0 if kind == TORQUE else float(on @ v_start)
-            laws.append(Law(name, kind, by == "angle", of, on, acts, table, slot, -1, factor, angle))
+                factors[name] = float(on @ v_start) if kind == MOTION else ratio[0] if ratio else 1.0
+            law = Law(name, kind, SPEED, on, on, acts, factor=factor)
+            if kind == GEARING:
+                f = list(self._elements | self._mesh_elements()).index(name)
+                law = law._replace(element=f, gap=self._variators[name][2])
+            law, *other = self._reading_laws(law, reads, table, bodies, t, factors)
+            # with two arguments a part of the slopes is implicit, with one all of it or nothing
+            rows = [law.of, *(one for second in other for one in (second.of, second.on))]
+            if kind == TORQUE and (any(on @ row for row in rows) if other else np.array_equal(on, law.of)):
+                law = law._replace(slot=len(slots))
+                slots.append(on)
+            laws += law, *other
         held = np.array([law.on for law in laws if law.kind == MOTION]).reshape(-1, len(speeds))
         if rank(held) < len(held):
             raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
-        if len(held):
-            self._left_free(held.any(axis=0), w)
+        if len(held) or self._variators:
+            self._left_free(held.any(axis=0) | (np.arange(len(speeds)) >= len(speeds) - len(self._variators)), w)
         return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
+
+    @staticmethod
+    def _reading_laws(
+        law: Law, reads: tuple[Reading, ...], table: Table | Grid, bodies: tuple[str, ...], t: Floats, factors: dict[str, float]
+    ) -> list[Law]:
+        """Return a law with its argument and its table, and its second argument where it has two; adds its input to `factors`."""
+        rows = [_rows(bodies, [one.of, one.under]) @ t for one in reads]
+        law = law._replace(by=reads[0].by, of=rows[0][0], start=reads[0].start)
+        if not isinstance(table, Grid):
+            return [law._replace(table=table)]
+        second, factor = reads[1], -1
+        if second.by == INPUT:
+            factors.setdefault(second.given, 0.0)
+            factor = list(factors).index(second.given)
+        of, under = rows[1]
+        return [
+            law,
+            Law(
+                law.name,
+                ARGUMENT,
+                second.by,
+                of,
+                under,
+                0.0 * law.bodies,
+                table.rows,
+                factor=factor,
+                start=second.start,
+                curves=table.curves,
+            ),
+        ]
 
     def _left_free(self, held: npt.NDArray[np.bool_], w: Floats) -> None:
         """Raise a RigError for elements that could hold the prescribed speeds `held` (n,); `w` (m, n) are the slips."""
-        elements = self._elements | self._mesh_elements()
-        rigid = [f for f, (name, one) in enumerate(elements.items()) if one[6] or name in self._meshes or name in self._lossy_sets]
+        elements, rows = self._elements | self._mesh_elements(), self._mesh_rows()
+        rigid = [f for f, (name, one) in enumerate(elements.items()) if one[6] or f"{name} loss" in rows or name in self._variators]
         if rank(w[np.ix_(rigid, ~held)]) < rank(w[rigid]):
             names = ", ".join(f"'{list(elements)[f]}'" for f in rigid)
             raise RigError(
-                f"driveline: motions prescribe speeds that the meshes and free-wheels ({names}) can hold against them; "
-                "leave out one of those that do"
+                f"driveline: motions or ratios prescribe speeds that the meshes, variators and free-wheels ({names}) can hold "
+                "against them; leave out one of those that do"
             )
         joints = []
         for name, (*_, there, back) in (self._meshes | self._lossy_sets).items():

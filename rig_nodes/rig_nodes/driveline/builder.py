@@ -18,11 +18,10 @@ import numpy as np
 from rig_nodes.base import RigError, atomic_write
 from rig_nodes.driveline.assembly import Assembly
 from rig_nodes.driveline.described import checks_arguments
-from rig_nodes.driveline.description import Points
-from rig_nodes.driveline.laws import INERTIA, MOTION, TORQUE
+from rig_nodes.driveline.description import Of, Points, Reading, Surface
+from rig_nodes.driveline.laws import ANGLE, GEARING, INERTIA, MOTION, SPEED, TORQUE
 from rig_nodes.driveline.picture import Body, Link, svg
-from rig_nodes.driveline.system import System
-from rig_nodes.driveline.tables import Table, table_of
+from rig_nodes.driveline.tables import Table, table_of, value_at
 from rig_nodes.driveline.ties import GROUND
 
 _CRANK_POINTS = 3601
@@ -319,15 +318,16 @@ class Driveline(Assembly):
         a: str,
         b: str = GROUND,
         *,
-        table: Points,
-        by: str = "speed",
-        of: str | None = None,
+        table: Points | Surface,
+        by: str | tuple[str, str] = "speed",
+        of: Of | tuple[Of | None, Of | None] | None = None,
         period: float | None = None,
         angle: float = 0.0,
     ) -> None:
         """Add a torque on a, with its opposite on b, that follows a table over the speed w_a - w_b or over its angle.
 
-        An input with the name of the torque multiplies it; without that input the factor is 1.
+        An input with the name of the torque multiplies it; without that input the factor is 1. A table over two quantities is
+        linear between the points of its grid; one of the two must be a speed or an angle.
 
         Parameters
         ----------
@@ -335,13 +335,14 @@ class Driveline(Assembly):
             Name of the torque.
         a, b : str
             The bodies on which it acts; b is the ground by default.
-        table : pair of sequences of float
-            Speeds [rad/s] or angles [rad], and torques [Nm]. Beyond its ends the table is flat. An angle may be given twice where
-            the torque jumps.
-        by : str
-            "speed" or "angle".
+        table : pair of sequences of float, or (points (p,), points (r,), torques (p, r))
+            Speeds [rad/s] or angles [rad], and torques [Nm]; of two quantities the points of both and the torque at each pair.
+            Beyond its ends the table is flat. In a table over an angle alone, one may be given twice where the torque jumps.
+        by : str or (str, str)
+            "speed" or "angle", or two of these, "ratio", "input" and "time".
         of : str, optional
-            Body whose speed or angle is used instead, or clutch or brake whose slip is used.
+            Body whose speed or angle is used instead, or clutch or brake whose slip is used. Of two quantities one for each: of a
+            ratio the two whose speeds are divided, of an input the name that it gets (0 without that input), of the time None.
         period : float, optional
             Length after which the table repeats itself.
         angle : float
@@ -352,23 +353,23 @@ class Driveline(Assembly):
         RigError
             When a name does not exist or is taken, or the table is not valid.
         """
-        self._new_name(name)
-        what = f"torque '{name}'"
+        what, on = f"torque '{name}'", {a: 1.0, b: -1.0}
         self._known(what, a, b)
-        table = self._law_table(what, table, by, period)
-        self._acts[name] = (
-            TORQUE,
-            {a: 1.0, b: -1.0},
-            {a: 1.0, b: -1.0} if of is None else self._read_by(what, of),
-            by,
-            table,
-            float(angle),
-        )
+        follows = self._follows(what, table, by, of, on, period, angle)
+        self._new_name(name)
+        self._acts[name] = TORQUE, on, *follows
 
     def capacity(
-        self, element: str, of: str, *, table: Points, by: str = "speed", period: float | None = None, angle: float = 0.0
+        self,
+        element: str,
+        of: Of | tuple[Of | None, Of | None],
+        *,
+        table: Points | Surface,
+        by: str | tuple[str, str] = "speed",
+        period: float | None = None,
+        angle: float = 0.0,
     ) -> None:
-        """Let the capacity of a clutch or brake follow a table over a speed, an angle or another element's slip.
+        """Let the capacity of a clutch or brake follow a table over a speed, an angle or another element's slip, or over two.
 
         The input of the clutch or brake then multiplies the table; without that input the factor is 1.
 
@@ -377,11 +378,11 @@ class Driveline(Assembly):
         element : str
             The clutch or brake.
         of : str
-            Body whose speed or angle is used, or element whose slip is used.
-        table : pair of sequences of float
+            Body whose speed or angle is used, or element whose slip is used; of two quantities one for each, as that of a torque.
+        table : pair of sequences of float, or (points (p,), points (r,), capacities (p, r))
             Speeds [rad/s] or angles [rad], and capacities [Nm]. A value below 0 counts as 0.
-        by : str
-            "speed" or "angle".
+        by : str or (str, str)
+            "speed" or "angle", or two quantities as those of a torque.
         period : float, optional
             Length after which the table repeats itself.
         angle : float
@@ -397,7 +398,8 @@ class Driveline(Assembly):
             raise RigError(f"driveline: {what}: there is no clutch or brake of that name")
         if element in self._capacities:
             raise RigError(f"driveline: {what} follows another table already; one is allowed")
-        self._capacities[element] = self._read_by(what, of), by, self._law_table(what, table, by, period), float(angle)
+        a, b, ca, cb, *_ = self._elements[element]
+        self._capacities[element] = self._follows(what, table, by, of, {a: ca, b: -cb}, period, angle)
 
     def motion(self, name: str, body: str) -> None:
         """Prescribe the speed of a body by the input with the name of the motion.
@@ -419,7 +421,60 @@ class Driveline(Assembly):
         """
         self._new_name(name)
         self._turns(f"motion '{name}'", body)
-        self._acts[name] = MOTION, {body: 1.0}, {body: 1.0}, "speed", Table(np.zeros(1), np.zeros(1)), 0.0
+        self._acts[name] = MOTION, {body: 1.0}, (Reading(SPEED, {body: 1.0}),), Table(np.zeros(1), np.zeros(1))
+
+    def variator(
+        self,
+        name: str,
+        a: str,
+        b: str,
+        ratio: float = 1.0,
+        *,
+        table: Points | None = None,
+        of: str | None = None,
+        period: float | None = None,
+        angle: float = 0.0,
+    ) -> None:
+        """Add a rigid gear with w_a = r w_b whose ratio r varies: the input `name`, times a table over an angle if there is one.
+
+        It takes no power at any ratio, beside shafts to second order in the step: the torque on b is -r times that on a. A ratio
+        that jumps is reached within a step, with a torque as large as that takes.
+
+        Parameters
+        ----------
+        name : str
+            Name of the variator and of its input.
+        a, b : str
+            The bodies that it joins.
+        ratio : float
+            The value of the input where it is not given.
+        table : pair of sequences of float, optional
+            Angles [rad] and ratios, without jumps. Beyond its ends the table is flat.
+        of : str, optional
+            Body whose angle is used, or clutch or brake whose slip is; without it that of b.
+        period : float, optional
+            Angle after which the table repeats itself [rad].
+        angle : float
+            Angle at the start [rad].
+
+        Raises
+        ------
+        RigError
+            When a body does not exist or is the ground, the name is taken, or the table is not valid.
+        """
+        what = f"variator '{name}'"
+        self._known(what, a, b)
+        if GROUND in (a, b):
+            raise RigError(f"driveline: {what} names the {GROUND}; two bodies that turn are needed")
+        if not math.isfinite(ratio) or not math.isfinite(angle):
+            raise RigError(f"driveline: ratio and angle of {what} are {ratio} and {angle}; finite numbers are needed")
+        self._new_name(name)
+        found = Table(np.zeros(1), np.ones(1)) if table is None else self._law_table(what, table, "angle", period)
+        if np.any(np.diff(found.x) == 0.0):
+            raise RigError(f"driveline: the table of {what} jumps; a ratio over an angle cannot")
+        read = self._reading(what, "angle", of, {b: 1.0}, float(angle))
+        self._variators[name] = a, b, float(ratio) * value_at(found, angle)
+        self._acts[name] = GEARING, {b: 1.0}, (read,), found, float(ratio)
 
     def varying_inertia(self, name: str, body: str, *, table: Points, period: float | None = None, angle: float = 0.0) -> None:
         """Add an inertia on a body, beside its own, that follows a table over the angle of the body.
@@ -452,7 +507,7 @@ class Driveline(Assembly):
             raise RigError(f"driveline: the table of {what} falls to {table.y.min():g} kg m2; it must be at least 0")
         if not math.isfinite(angle):
             raise RigError(f"driveline: angle of {what} is {angle}; a finite number is needed")
-        self._acts[name] = INERTIA, {body: 1.0}, {body: 1.0}, "angle", table, float(angle)
+        self._acts[name] = INERTIA, {body: 1.0}, (Reading(ANGLE, {body: 1.0}, start=float(angle)),), table
 
     def slider_crank(self, name: str, body: str, *, mass: float, radius: float, rod: float, angle: float = 0.0) -> None:
         """Add a slider that a body moves by a crank and a rod without mass.
@@ -518,12 +573,13 @@ class Driveline(Assembly):
             Link(a, b, "freewheel" if one_way else "clutch", name)
             for name, (a, b, _ca, _cb, _stick, _drag, one_way, *_) in self._elements.items()
         ]
+        links += [Link(a, b, "mesh", f"{name}: from {ratio:.4g}") for name, (a, b, ratio) in self._variators.items()]
         related = [name for name, ties in self._ties.items() if any(ties is one for one in self._relations.values())]
         for name in related:
             first, *others = self._ties[name].items()
             links += [Link(first[0], other, "set", f"{name} ({c / first[1]:.3g})") for other, c in others]
         for name, (kind, pushes, *_) in self._acts.items():
-            on = [body for body in pushes if body in bodies]
+            on = [body for body in pushes if body in bodies and kind != GEARING]
             if len(on) == 2:
                 links.append(Link(on[0], on[1], "torque", name))
             for body in on if len(on) == 1 else ():
@@ -538,18 +594,3 @@ class Driveline(Assembly):
                 else:
                     body.notes.append(f"{link.text}, to the ground")
         atomic_write(Path(file), svg(title, list(bodies.values()), [one for one in links if one.a in bodies and one.b in bodies]))
-
-    def build(self) -> System:
-        """Eliminate the gears and relations and return the arrays.
-
-        Returns
-        -------
-        System
-            The driveline as arrays.
-
-        Raises
-        ------
-        RigError
-            When the description contradicts itself or has no body with inertia.
-        """
-        return self._assemble()

@@ -9,20 +9,35 @@ Used by driveline/assembly.py, which makes arrays of it, and so by driveline/bui
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from rig_nodes.base import RigError
+from rig_nodes.base import RigError, brief
+from rig_nodes.driveline.laws import ANGLE, INPUT, RATIO, SPEED, TIME
 from rig_nodes.driveline.system import LEAST_LOSS
-from rig_nodes.driveline.tables import Table, table_of, value_at
+from rig_nodes.driveline.tables import Grid, Table, grid_of, table_of, value_at
 from rig_nodes.driveline.ties import GROUND
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats
 
 Points = tuple[Sequence[float], Sequence[float]]
+Surface = tuple[Sequence[float], Sequence[float], Sequence[Sequence[float]] | np.ndarray]
+Of = str | tuple[str, str]  # a body, an element or an input, or two of these for the ratio of their speeds
+READS = {"speed": SPEED, "angle": ANGLE, "ratio": RATIO, "input": INPUT, "time": TIME}
+
+
+class Reading(NamedTuple):
+    """One argument of a law: its kind (driveline.laws), bodies with coefficients, those of a ratio's second speed, its input."""
+
+    by: int
+    of: dict[str, float]
+    under: Mapping[str, float] = MappingProxyType({})
+    given: str = ""
+    start: float = 0.0
 
 
 class Description:
@@ -42,10 +57,16 @@ class Description:
         self._friction: dict[str, Table] = {}
         self._capacities: dict[str, tuple] = {}
         self._acts: dict[str, tuple] = {}  # torques, motions and inertias that follow the motion itself
+        self._variators: dict[str, tuple[str, str, float]] = {}  # gears whose ratio varies: bodies, and ratio at the start
+        self._arguments: dict[str, str] = {}  # inputs that laws read, with the first law of each
 
     def _new_name(self, name: str) -> None:
         if name == GROUND or any(
-            name in parts for parts in (self._inertia, self._shafts, self._elements, self._ties, self._acts, self._mesh_elements())
+            name in parts
+            for parts in (
+                *(self._inertia, self._shafts, self._elements, self._ties, self._acts, self._mesh_elements()),
+                self._arguments,
+            )
         ):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
@@ -162,6 +183,60 @@ class Description:
         if not (math.isfinite(ca) and math.isfinite(cb) and ca != 0.0 and cb != 0.0):
             raise RigError(f"driveline: coefficients of '{name}' are {ca} and {cb}; finite numbers other than 0 are needed")
 
+    def _reading(self, what: str, by: str, of: Of | None, own: dict[str, float], angle: float) -> Reading:
+        """Return one argument of a law; `own` are the bodies that it reads without `of`."""
+        if by in ("speed", "angle"):
+            if of is not None and not isinstance(of, str):
+                raise RigError(f"driveline: {what} by {by} is of {brief(of)}; the name of a body, clutch or brake is needed")
+            return Reading(READS[by], own if of is None else self._read_by(what, of), start=angle * (by == "angle"))
+        if by == "ratio":
+            if isinstance(of, str) or not isinstance(of, Sequence) or len(of) != 2 or not all(isinstance(one, str) for one in of):
+                raise RigError(f"driveline: {what} by ratio is of {brief(of)}; two names are needed, whose speeds are divided")
+            return Reading(RATIO, self._read_by(what, of[0]), self._read_by(what, of[1]))
+        if by == "time":
+            return Reading(TIME, {})
+        if by != "input":
+            raise RigError(f"driveline: {what} is by {brief(by)}; {', '.join(READS)} are possible")
+        if not isinstance(of, str) or not of:
+            raise RigError(f"driveline: {what} by input is of {brief(of)}; a name for the input is needed")
+        if of not in self._arguments:
+            self._new_name(of)
+            self._arguments[of] = what
+        return Reading(INPUT, {}, given=of)
+
+    def _follows(
+        self,
+        what: str,
+        table: Points | Surface,
+        by: str | tuple[str, str],
+        of: Of | tuple[Of | None, Of | None] | None,
+        own: dict[str, float],
+        period: float | None,
+        angle: float,
+    ) -> tuple[tuple[Reading, ...], Table | Grid]:
+        """Return the one or two arguments of a law, and its table; the first of two is a speed or an angle."""
+        if not math.isfinite(angle):
+            raise RigError(f"driveline: angle of {what} is {angle}; a finite number is needed")
+        if isinstance(by, str):
+            found = self._law_table(what, table, by, period)
+            return (self._reading(what, by, of, own, angle),), found
+        if not isinstance(by, Sequence) or len(by) != 2:
+            raise RigError(f"driveline: {what} is by {brief(by)}; one quantity or two are possible, of {', '.join(READS)}")
+        both = of if isinstance(of, Sequence) and not isinstance(of, str) else (None, None)
+        if len(both) != 2:
+            raise RigError(f"driveline: {what} is of {brief(of)}; one for each of the two quantities is needed")
+        readings = tuple(self._reading(what, one, which, own, angle) for one, which in zip(by, both))
+        if period is not None and "angle" not in by:
+            raise RigError(f"driveline: {what} has a period and is by {by[0]} and {by[1]}; only a table over an angle repeats")
+        grid = grid_of(what, table, tuple(period if one == "angle" else None for one in by))
+        if readings[0].by in (SPEED, ANGLE):
+            return readings, grid
+        if readings[1].by not in (SPEED, ANGLE):
+            raise RigError(f"driveline: {what} is by {by[0]} and {by[1]}; one of the two must be a speed or an angle")
+        # a ratio, an input or the time is the second one of a law
+        second, first, values = cast("Surface", table)
+        return readings[::-1], grid_of(what, (first, second, np.asarray(values).T), (period if by[1] == "angle" else None, None))
+
     @staticmethod
     def _law_table(what: str, table: Points, by: str, period: float | None) -> Table:
         if by not in ("speed", "angle"):
@@ -178,20 +253,21 @@ class Description:
         return found
 
     def _mesh_rows(self) -> dict[str, dict[str, float]]:
-        """Return the coefficients of the two friction elements of each mesh and planetary set with losses, by name.
+        """Return the coefficients of the two friction elements of each lossy mesh and planetary set, and of variators, by name.
 
         One is a clutch that never slips. The other one brakes the output side of power from a, which is b or the ring; its slip is
-        scaled to the speed of a or the sun, so that its torque is that at a. In a set all speeds are relative to the carrier.
+        scaled to the speed of a or the sun, so that its torque is that at a. In a set all speeds are relative to the carrier. A
+        variator has no loss, and its row is that at the start.
         """
         out = {}
         for name, (a, b, ratio, *_) in self._meshes.items():
             out[name], out[f"{name} loss"] = {a: 1.0, b: -ratio}, {b: ratio}
         for name, (sun, ring, carrier, ratio, *_) in self._lossy_sets.items():
             out[name], out[f"{name} loss"] = {sun: 1.0, ring: ratio, carrier: -1.0 - ratio}, {ring: -ratio, carrier: ratio}
-        return out
+        return out | {name: {a: 1.0, b: -ratio} for name, (a, b, ratio) in self._variators.items()}
 
     def _mesh_elements(self) -> dict[str, tuple[str, str, float, float, tuple[float, float], float, bool]]:
-        """Return the two friction elements of each mesh and set with losses, by name; `_mesh_rows` has their coefficients."""
+        """Return the friction elements of meshes and sets with losses and of variators, with the coefficients of `_mesh_rows`."""
         return {name: (next(iter(row)), GROUND, 1.0, 1.0, (1.0, 1.0), 0.0, False) for name, row in self._mesh_rows().items()}
 
 

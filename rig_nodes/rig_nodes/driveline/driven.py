@@ -19,7 +19,7 @@ from rig_nodes.base import STAGE, njit
 from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, places
 from rig_nodes.driveline.inputs import SAME
 from rig_nodes.driveline.law_steps import jumped, settled_step_at
-from rig_nodes.driveline.laws import CAPACITY, INERTIA, MOTION, TORQUE, Given, LawState, Model, Moving, law_state, laws_of
+from rig_nodes.driveline.laws import CAPACITY, GEARING, INERTIA, MOTION, TORQUE, Given, LawState, Model, Moving, law_state, laws_of
 from rig_nodes.driveline.lines import share_of
 from rig_nodes.driveline.losses import LAST, OWN, put_losses
 from rig_nodes.driveline.motion import invert, product, work_over
@@ -216,6 +216,8 @@ def accelerate(model: Model, own: LawState, cap: Floats, q: Floats, state: State
             straight -= laws.slot[k] >= 0
         elif laws.kind[k] == MOTION:
             push = own.torque[k]
+        elif laws.kind[k] == GEARING:
+            push = (own.torque[k] - laws.gap[k]) * state.el[LAM, laws.element[k]]
         elif laws.kind[k] == INERTIA:
             heavy = True
             push = -0.5 * along(laws.tables, k, own.at[k], 1e-9)[1] * product(laws.on[k], v) ** 2

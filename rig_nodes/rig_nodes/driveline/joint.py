@@ -589,6 +589,9 @@ def resolve(x: float, t: float, structure: Structure, loads: Loads, loss: Floats
     if not (done and solved):
         state.count[N_CAPPED] += 1
         state.count[WORST] = max(worst, back) if solved else worst_of(loss, work, at.newton)
+        for f in range(m):
+            if state.count[WORST] < 0 and work[at.candidate + f] != 0.0:
+                state.count[WORST] = f
     if not done:
         keep_last(it >= pivots, structure, work, at)
     return change_modes(t, w, state, at)

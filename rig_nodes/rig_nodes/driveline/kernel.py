@@ -495,7 +495,7 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
     at = places(state.v.shape[0], m, structure.sh.shape[0], int(0) if loss is None else loss.shape[0])
     scale, made, joint = begin_step(t, structure, cap, loss, state, at)
     done, passes, stalls, undecided = 0.0, 0, 0, 0
-    hit = int(-1)  # element of the last event
+    hit = changed = int(-1)  # element whose event has ended the last sub-step; element of the last event
     jams = int(-1)  # element of a mesh that jams at this moment
     while True:
         if loss is not None and jams >= 0:
@@ -519,7 +519,7 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
         passes += 1
         if passes == 6 * m + 13:
             count[N_CAPPED] += 1
-            count[WORST] = hit
+            count[WORST] = changed
         if h - done <= 0.0:
             break
         if loss is not None:
@@ -540,7 +540,7 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
         if hit < 0 and not shorter:
             break
         if hit >= 0:
-            stalls = 0 if d > 0.0 else stalls + 1
+            stalls, changed = 0 if d > 0.0 else stalls + 1, hit
         if hit < 0 or missed:
             continue
         work[at.candidate + hit] = 1.0

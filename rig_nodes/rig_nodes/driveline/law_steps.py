@@ -22,7 +22,7 @@ from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED
 from rig_nodes.driveline.bends import bend_inside, lets_go, longest_part
 from rig_nodes.driveline.calls import address_of, bare_step, call_of, step_types
 from rig_nodes.driveline.joint import JAMMED
-from rig_nodes.driveline.laws import MOTION, SHAFT, Given, Laws, LawState, Model, Moving, law_state, laws_of
+from rig_nodes.driveline.laws import GEARING, MOTION, SHAFT, Given, Laws, LawState, Model, Moving, law_state, laws_of
 from rig_nodes.driveline.lines import Lines, Part, expect, leave_lines, make_lines, new_lines, worst_law
 from rig_nodes.driveline.losses import LAST
 from rig_nodes.driveline.motion import (
@@ -39,6 +39,7 @@ from rig_nodes.driveline.motion import (
     work_over,
 )
 from rig_nodes.driveline.state import Loads, State, Structure, copied, put, put_row, restore
+from rig_nodes.driveline.variators import own_speed
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats
@@ -101,8 +102,9 @@ def law_step(model: Model, given: Given, moving: Moving, h: float, t: float) -> 
 
 
 @njit(**STAGE)
-def prescribe(part: Part, laws: Laws, factors: Floats, v: Floats, moved: Floats, gains: Floats) -> None:
-    """Set which speeds are prescribed (n,), and their accelerations (2, n) at both ends of a part of a step."""
+def prescribe(part: Part, laws: Laws, factors: Floats, v: Floats, lines: Lines, moved: Floats, gains: Floats) -> bool:
+    """Set which speeds are prescribed (n,), and their accelerations (2, n) at both ends of a part; return if a ratio varies."""
+    geared = False
     for k in range(laws.kind.shape[0]):
         if laws.kind[k] == MOTION:
             j = moved_by(laws.on[k])
@@ -110,6 +112,12 @@ def prescribe(part: Part, laws: Laws, factors: Floats, v: Floats, moved: Floats,
             speed = laws.on[k, j] * v[j]
             first, final = accelerations_of(factors, laws.factor[k], part.begin, part.end, part.d, speed)
             gains[0, j], gains[1, j] = first / laws.on[k, j], final / laws.on[k, j]
+        elif laws.kind[k] == GEARING:
+            j = own_speed(lines.w[laws.element[k]])
+            moved[j] = 1.0
+            gains[0, j], gains[1, j] = lines.slope[k], lines.torque[k]
+            geared = True
+    return geared
 
 
 @njit(**STAGE)
@@ -160,11 +168,12 @@ def leave_motions(
     for a in range(slots):
         twisted[a], swing[a] = state.twist[a] - twist0[a], state.work[at.swing + a]
     for k in range(laws.kind.shape[0]):
-        if laws.kind[k] == MOTION:
-            j = moved_by(laws.on[k])
+        if laws.kind[k] == MOTION or laws.kind[k] == GEARING:
+            j = moved_by(laws.on[k]) if laws.kind[k] == MOTION else own_speed(structure.w[laws.element[k]])
             part = Turned(gained, turned, state.el[IMPULSE] - before.el[IMPULSE], twisted, swing)
             impulse = impulse_of(j, d, mass, structure, loads, part)
-            own.torque[k] = impulse / d / laws.on[k, j]
+            if laws.kind[k] == MOTION:
+                own.torque[k] = impulse / d / laws.on[k, j]
             if not broken and slots == 0:
                 own.work[0] += impulse / d * turned[j]
     # with shafts a torque that varies in the part has another work than that of its mean
@@ -182,16 +191,13 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
     modes.
     """
     laws, loss, state, d = model.laws, moving.loss, moving.state, part.d
-    w, sh, work, n = model.structure.w, model.structure.sh, moving.state.work, moving.state.v.shape[0]
+    sh, work, n = model.structure.sh, moving.state.work, moving.state.v.shape[0]
     loss0, before = loss.copy(), copied(state)
-    lines = new_lines(laws.kind.shape[0], n, w.shape[0], sh.shape[0])
-    heavy, driven = expect(d, laws, moving.own, before.v, lines)
+    lines = new_lines(laws, model.structure)
+    heavy, driven = expect(part, laws, given.factors, moving.own, before.v, lines)
     moved, gains, pushes, mass, inverse = np.zeros(0), np.zeros((2, 0)), lines.loads.q, model.mass, model.structure.minv
     if driven:
         moved, gains, pushes, inverse = np.zeros(n), np.zeros((2, n)), np.empty((2, n)), np.empty((n, n))
-        prescribe(part, laws, given.factors, before.v, moved, gains)
-        if not heavy:
-            hold(mass, moved, inverse)
     met, worst = False, int(-1)
     for attempt in range(TRIES):
         if attempt > 0:
@@ -202,6 +208,10 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
             put(pushes, lines.loads.q)
             if heavy:
                 mass = lines.held.copy()
+            if prescribe(part, laws, given.factors, before.v, lines, moved, gains):
+                work[0] = -1.0
+            if not heavy and attempt == 0:
+                hold(mass, moved, inverse)
             drive(mass, moved, gains, lines.loads.q)
         if heavy:
             inverse = np.empty((n, n))
@@ -211,8 +221,8 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
                 invert(lines.held, inverse)
             work[0] = -1.0
         work[1] = -1.0
-        bare_step(model.bare, d, part.t, Structure(inverse, w, sh, lines.kc), lines.loads, loss, state)
-        worst = worst_law(d, laws, moving, before, lines)
+        bare_step(model.bare, d, part.t, Structure(inverse, lines.w, sh, lines.kc), lines.loads, loss, state)
+        worst = worst_law(part, model, given, moving, before, lines)
         met = worst < 0
         # where the kernel could not decide which elements stick, more attempts at the same part take long and do not help
         if met or (attempt >= 3 and state.count[N_CAPPED] > before.count[N_CAPPED]):
@@ -232,7 +242,7 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
         restore(state, before)
         return since if met else 0.0
     if driven:
-        structure = Structure(inverse, w, sh, lines.kc)
+        structure = Structure(inverse, lines.w, sh, lines.kc)
         leave_motions(d, inside or struck, mass, structure, Loads(pushes, lines.loads.cap), laws, moving, before)
     leave_lines(part, laws, given, moving, before, lines)
     if not met:

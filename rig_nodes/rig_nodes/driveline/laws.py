@@ -3,8 +3,8 @@
 
 """Elements of a driveline that depend on its motion: torques, capacities, friction, shafts, prescribed motion, inertias.
 
-Each of them is a law: a table over an angle or a speed, its argument. driveline/law_steps.py moves a driveline that has
-laws, in driveline/run.py and, by driveline/driven.py, in the engine of a rig.
+Each of them is a law: a table over an angle or a speed, its argument, or over two arguments (driveline/maps.py).
+driveline/law_steps.py moves a driveline that has laws, in driveline/run.py and, by driveline/driven.py, in the engine of a rig.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
     from rig_nodes.driveline.system import System
 
-# kinds, in the order in which they act on a step
-CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA = range(6)
+# kinds, in the order in which they act on a step; an ARGUMENT does not act, but is the second one of the law with its name
+CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING, ARGUMENT = range(8)
+# what a law reads; the last three are possible for an ARGUMENT only: the ratio of two speeds, an input over time, the time
+SPEED, ANGLE, RATIO, INPUT, TIME = range(5)
 
 
 class Law(NamedTuple):
@@ -34,11 +36,12 @@ class Law(NamedTuple):
     name : str
         Name of the law.
     kind : int
-        CAPACITY, FRICTION, SHAFT, TORQUE, MOTION or INERTIA.
-    angle : bool
-        True where it reads an angle, False where it reads a speed.
+        CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING (driveline/variators.py) or ARGUMENT.
+    by : int
+        What it reads: SPEED, ANGLE, RATIO, INPUT or TIME.
     of, on : (n,) array of float
-        Coefficients of the generalised speeds that it reads and on which it acts.
+        Coefficients of the generalised speeds that it reads and on which it acts. A RATIO is that of the speed by `of` to the speed
+        by `on`.
     bodies : (b,) array of float
         The same as `on`, by bodies.
     table : Table
@@ -48,20 +51,22 @@ class Law(NamedTuple):
     element : int
         Number of its friction element, -1 without one.
     factor : int
-        Number of the input over time that multiplies it, -1 without one.
+        Number of the input over time that multiplies it, or of the INPUT that it reads; -1 without one.
     start : float
         Angle at the start [rad].
     gap : float
-        Half the backlash of a SHAFT [rad].
+        Half the backlash of a SHAFT [rad], or the ratio of a GEARING at the start.
     damping : float
         Damping of a SHAFT [Nm s/rad].
     springs : tuple of (float, float)
         Stiffness [Nm/rad] and limit [Nm] of the springs of a SHAFT that slide.
+    curves : tuple of Table
+        Of an ARGUMENT the curves of its law over the first one; its table has the numbers of these.
     """
 
     name: str
     kind: int
-    angle: bool
+    by: int
     of: np.ndarray
     on: np.ndarray
     bodies: np.ndarray
@@ -73,6 +78,7 @@ class Law(NamedTuple):
     gap: float = 0.0
     damping: float = 0.0
     springs: tuple[tuple[float, float], ...] = ()
+    curves: tuple[Table, ...] = ()
 
 
 class Laws(NamedTuple):
@@ -80,25 +86,28 @@ class Laws(NamedTuple):
 
     Parameters
     ----------
-    kind, angle, slot, element, factor : (laws,) arrays of int64
+    kind, by, slot, element, factor : (laws,) arrays of int64
         As those of `Law`.
+    second : (laws,) array of int64
+        Which law is its second argument, -1 without one.
     of, on : (laws, n) arrays
         Coefficients of the generalised speeds that each reads and on which it acts.
     gap, damping : (laws,) arrays
-        Half the backlash [rad] and damping [Nm s/rad] of a SHAFT.
+        Half the backlash [rad] and damping [Nm s/rad] of a SHAFT; `gap` is also the ratio of a GEARING at the start.
     first_spring : (laws + 1,) array of int64
         Where the springs of each begin.
     springs : (springs, 2) array
         Stiffness [Nm/rad] and limit [Nm] of each.
     tables : Tables
-        The characteristics.
+        The characteristics, followed by the curves of those over two arguments.
     """
 
     kind: Ints
-    angle: Ints
+    by: Ints
     slot: Ints
     element: Ints
     factor: Ints
+    second: Ints
     of: Floats
     on: Floats
     gap: Floats
@@ -116,7 +125,7 @@ class LawState(NamedTuple):
     at : (laws,) array of float
         Position that each law reads.
     torque : (laws,) array of float
-        Its torque (for a MOTION the mean of the last step), factor or inertia.
+        Its torque (for a MOTION the mean of the last step), factor, inertia or ratio.
     spring : (springs,) array of float
         Torque of each spring with friction [Nm].
     way : (laws,) array of float
@@ -188,30 +197,37 @@ class Moving(NamedTuple):
 
 def laws_of(laws: Sequence[Law], n: int) -> Laws:
     """Return the arrays of laws that are sorted by kind, for n speeds."""
-    ints = (np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "angle", "slot", "element", "factor"))
-    kind, angle, slot, element, factor = ints
+    ints = (np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "by", "slot", "element", "factor"))
+    kind, by, slot, element, factor = ints
+    arguments = {one.name: k for k, one in enumerate(laws) if one.kind == ARGUMENT}
+    second = [arguments.get(one.name, -1) if one.kind in (CAPACITY, TORQUE) else -1 for one in laws]
     of, on = (np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on"))
     springs = [spring for one in laws for spring in one.springs]
+    tables, curves = [one.table for one in laws], []
+    for k in arguments.values():
+        tables[k] = tables[k]._replace(y=tables[k].y + len(laws) + len(curves))
+        curves += laws[k].curves
     return Laws(
         kind,
-        angle,
+        by,
         slot,
         element,
         factor,
+        np.array(second, np.int64),
         of,
         on,
         np.array([one.gap for one in laws]),
         np.array([one.damping for one in laws]),
         np.cumsum([0, *(len(one.springs) for one in laws)]),
         np.array(springs, float).reshape(-1, 2),
-        tables_of([one.table for one in laws]),
+        tables_of(tables + curves),
     )
 
 
 def law_state(laws: Sequence[Law]) -> LawState:
     """Return the state of the laws at the start of a run."""
     count = len(laws)
-    torque = np.array([value_at(one.table, one.start) if one.kind == INERTIA else 0.0 for one in laws])
+    torque = np.array([value_at(one.table, one.start) if one.kind == INERTIA else one.gap * (one.kind == GEARING) for one in laws])
     return LawState(
         np.array([one.start for one in laws], float),
         torque,

@@ -16,15 +16,31 @@ import numpy as np
 from rig_nodes.base import ALLOCATES, INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import E_FRIC, E_SHAFT, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, TAU, VISC, lin, noinline
 from rig_nodes.driveline.contacts import contact_damping, spring_with_friction
-from rig_nodes.driveline.laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Laws
+from rig_nodes.driveline.laws import (
+    ANGLE,
+    ARGUMENT,
+    CAPACITY,
+    FRICTION,
+    GEARING,
+    INERTIA,
+    INPUT,
+    MOTION,
+    RATIO,
+    SHAFT,
+    TIME,
+    TORQUE,
+    Laws,
+)
+from rig_nodes.driveline.maps import argument, map_error, map_line, ratio_of
 from rig_nodes.driveline.motion import product
 from rig_nodes.driveline.state import Loads, put
-from rig_nodes.driveline.tables import Tables, along, line, piece, value
+from rig_nodes.driveline.tables import Tables, along, curves_at, line, over_two, piece, value
+from rig_nodes.driveline.variators import own_speed, ratio_error, ratio_line
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats
     from rig_nodes.driveline.laws import Given, LawState, Model, Moving
-    from rig_nodes.driveline.state import State
+    from rig_nodes.driveline.state import State, Structure
 
 CLOSE = 1e-11  # relative tolerance of torques between the lines of a step and those for its final change of the arguments
 
@@ -56,13 +72,16 @@ class Lines(NamedTuple):
     slope, torque, other : (laws,) arrays
         Of a CAPACITY `other` is the factor at the end; of FRICTION `slope` is that over slip and `other` the mean capacity; of a
         SHAFT, a TORQUE and an INERTIA `torque` is that at the start; `slope` is that over the argument, of an INERTIA the expected
-        speed at the end; `other` is the damping of a SHAFT and the mean of an INERTIA.
+        speed at the end; `other` is the damping of a SHAFT and the mean of an INERTIA. Those of a torque over two arguments are
+        described in driveline.maps.
     loads : Loads
         Forces and capacities over the part, with the laws.
     kc : (2, s) array
         Stiffness and damping of the shafts, with the laws.
     held : (n, n) array
         Mass matrix with the inertias of laws; made only where there are some.
+    w : (m, n) array
+        Slips by the speeds, with the present ratios of gears whose ratio varies.
     """
 
     start: Floats
@@ -73,14 +92,20 @@ class Lines(NamedTuple):
     loads: Loads
     kc: Floats
     held: Floats
+    w: Floats
 
 
 @njit(**ALLOCATES)
-def new_lines(rows: int, n: int, m: int, s: int) -> Lines:
-    """Return room for the lines of laws in a driveline with n speeds, m friction elements and s rows of shafts."""
+def new_lines(laws: Laws, structure: Structure) -> Lines:
+    """Return room for the lines of the laws of a driveline."""
+    (m, n), s, rows, w = structure.w.shape, structure.sh.shape[0], laws.kind.shape[0], structure.w
+    for k in range(rows):
+        if laws.kind[k] == GEARING:
+            w = structure.w.copy()
+            break
     loads = Loads(np.empty((2, n)), np.empty((7, m)))
     zeros = np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows)
-    return Lines(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4], loads, np.empty((2, s)), np.empty((n, n)))
+    return Lines(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4], loads, np.empty((2, s)), np.empty((n, n)), w)
 
 
 @njit(**INNER)
@@ -98,15 +123,22 @@ def least_capacity(tables: Tables, k: int, x: float) -> float:
 
 
 @njit(**INNER)
-def capacity_at(tables: Tables, k: int, x: float) -> float:
-    """Return the factor on a capacity at x.
+def capacity_at(laws: Laws, k: int, x: float, lines: Lines, last: bool) -> tuple[float, float]:
+    """Return the factor on a capacity at x, and the smallest one that counts; `last` is whether its other argument is at its end.
 
     The slip of a locked clutch, and the change of angle of a body that it holds, are of rounding size and of either sign. Where the
     table goes through 0 there, this rounding must not open and close the clutch in turn.
     """
     noinline()
-    factor = value(tables, k, x)
-    return factor if factor > least_capacity(tables, k, x) else 0.0
+    s = laws.second[k]
+    if s < 0:
+        factor, least = value(laws.tables, k, x), least_capacity(laws.tables, k, x)
+    else:
+        u = lines.start[s] + (lines.way[s] if last else 0.0)
+        first, other, _, _ = curves_at(laws.tables, s, u)
+        factor = over_two(laws.tables, s, x, u)[0]
+        least = max(least_capacity(laws.tables, first, x), least_capacity(laws.tables, other, x))
+    return factor if factor > least else 0.0, least
 
 
 @njit(**INNER)
@@ -117,19 +149,13 @@ def share_of(first: float, last: float, begin: float, end: float) -> tuple[float
 
 
 @njit(**STAGE)
-def expect(d: float, laws: Laws, own: LawState, v: Floats, lines: Lines) -> tuple[bool, bool]:
-    """Set the arguments and their expected changes over a part of d; return whether there are inertias and motions."""
+def expect(part: Part, laws: Laws, factors: Floats, own: LawState, v: Floats, lines: Lines) -> tuple[bool, bool]:
+    """Set the arguments and their expected changes over a part; return if there are inertias, and motions or varying ratios."""
     heavy = driven = False
     for k in range(laws.kind.shape[0]):
-        rate = product(laws.of[k], v)
-        if laws.angle[k]:
-            lines.start[k] = own.at[k]
-            lines.way[k] = d * rate + own.way[k] * d * d
-        else:
-            lines.start[k] = rate
-            lines.way[k] = own.way[k] * d
+        lines.start[k], lines.way[k] = argument(k, part, laws, factors, own, v)
         heavy = heavy or laws.kind[k] == INERTIA
-        driven = driven or laws.kind[k] == MOTION
+        driven = driven or laws.kind[k] == MOTION or laws.kind[k] == GEARING
     return heavy, driven
 
 
@@ -137,8 +163,8 @@ def expect(d: float, laws: Laws, own: LawState, v: Floats, lines: Lines) -> tupl
 def capacity_line(k: int, laws: Laws, lines: Lines) -> None:
     """Multiply the capacities of a CAPACITY's element by its factors at both ends."""
     f, cap = laws.element[k], lines.loads.cap
-    lines.other[k] = capacity_at(laws.tables, k, lines.start[k] + lines.way[k])
-    c0 = capacity_at(laws.tables, k, lines.start[k])
+    lines.other[k], _ = capacity_at(laws, k, lines.start[k] + lines.way[k], lines, True)
+    c0, _ = capacity_at(laws, k, lines.start[k], lines, False)
     for row in (KIN0, LO0, HI0):
         cap[row, f] *= c0
         cap[row + 1, f] *= lines.other[k]
@@ -191,7 +217,7 @@ def torque_line(k: int, g0: float, g1: float, laws: Laws, lines: Lines) -> None:
     else:
         implicit_slope = 0.5 * (g0 + g1) * lines.slope[k]
         lines.kc[0, slot], lines.kc[1, slot] = 0.0, 0.0
-        if laws.angle[k]:
+        if laws.by[k] == ANGLE:
             lines.kc[0, slot] = -implicit_slope
         else:
             lines.kc[1, slot] = -implicit_slope
@@ -260,11 +286,15 @@ def make_lines(part: Part, attempt: int, heavy: bool, model: Model, given: Given
             friction_line(k, laws, lines)
         elif kind == SHAFT:
             shaft_line(k, part.d, laws, moving.own, sh, lines)
+        elif kind == TORQUE and laws.second[k] >= 0:
+            map_line(k, part, attempt == 0, given.factors, laws, moving, lines)
         elif kind == TORQUE:
             g0, g1 = share_of(given.factors[0, laws.factor[k]], given.factors[1, laws.factor[k]], part.begin, part.end)
             torque_line(k, g0, g1, laws, lines)
         elif kind == INERTIA:
             inertia_line(k, attempt == 0, laws, state.v, lines)
+        elif kind == GEARING:
+            ratio_line(k, part, attempt == 0, given.factors, model, moving, lines)
         if laws.slot[k] >= 0:
             state.twist[laws.slot[k]] = 0.0
 
@@ -272,10 +302,10 @@ def make_lines(part: Part, attempt: int, heavy: bool, model: Model, given: Given
 @njit(**INLINED)
 def capacity_error(k: int, dx: float, laws: Laws, lines: Lines) -> tuple[float, float]:
     """Return (error, scale) of a CAPACITY over the change dx of its argument."""
-    asked = capacity_at(laws.tables, k, lines.start[k] + dx)
+    asked, least = capacity_at(laws, k, lines.start[k] + dx, lines, True)
     error = abs(asked - lines.other[k])
     # a capacity of 0 counts as equal to the smallest one that is more than rounding
-    if min(asked, lines.other[k]) == 0.0 and error <= 2.0 * least_capacity(laws.tables, k, lines.start[k] + dx):
+    if min(asked, lines.other[k]) == 0.0 and error <= 2.0 * least:
         error = 0.0
     return error, asked
 
@@ -320,21 +350,36 @@ def turned_by(k: int, laws: Laws, before: State, state: State, slots: int) -> fl
     return turned
 
 
+@njit(**INLINED)
+def change_of(k: int, laws: Laws, before: State, state: State, lines: Lines) -> float:
+    """Return by how much the argument of a law has changed in a part of a step."""
+    by, slot = laws.by[k], laws.slot[k]
+    if by == INPUT or by == TIME:
+        return lines.way[k]
+    if by == RATIO:
+        return ratio_of(laws, k, state.v) - lines.start[k]
+    if by != ANGLE:
+        return product(laws.of[k], state.v) - lines.start[k]
+    if slot >= 0 and laws.second[k] < 0:
+        return state.twist[slot]
+    return turned_by(k, laws, before, state, lines.kc.shape[1])
+
+
 @njit(**STAGE)
-def worst_law(d: float, laws: Laws, moving: Moving, before: State, lines: Lines) -> int:
-    """Return the law whose line is furthest from that for the change of its argument in a part of d; -1 where all are met.
+def worst_law(part: Part, model: Model, given: Given, moving: Moving, before: State, lines: Lines) -> int:
+    """Return the law whose line is furthest from that for the change of its argument in a part of a step; -1 where all are met.
 
     These changes are expected from now on.
     """
-    state, slots, worst, most = moving.state, lines.kc.shape[1], int(-1), CLOSE
+    laws, d, state, worst, most = model.laws, part.d, moving.state, int(-1), CLOSE
+    for k in range(laws.kind.shape[0]):
+        if laws.kind[k] == ARGUMENT:
+            lines.way[k] = change_of(k, laws, before, state, lines)
     for k in range(laws.kind.shape[0]):
         kind, slot = laws.kind[k], laws.slot[k]
-        if not laws.angle[k]:
-            dx = product(laws.of[k], state.v) - lines.start[k]
-        elif slot >= 0:
-            dx = state.twist[slot]
-        else:
-            dx = turned_by(k, laws, before, state, slots)
+        if kind == ARGUMENT:
+            continue
+        dx = change_of(k, laws, before, state, lines)
         error, scale = 0.0, 1.0
         if kind == CAPACITY:
             error, scale = capacity_error(k, dx, laws, lines)
@@ -342,6 +387,8 @@ def worst_law(d: float, laws: Laws, moving: Moving, before: State, lines: Lines)
             error, scale = friction_error(k, dx, laws, lines)
         elif kind == SHAFT:
             error, scale = shaft_error(k, d, dx, laws, moving.own, lines)
+        elif kind == TORQUE and laws.second[k] >= 0:
+            error, scale = map_error(k, part, dx, given.factors, laws, before, state, lines)
         elif kind == TORQUE:
             asked = along(laws.tables, k, lines.start[k], dx)[1]
             error, scale = abs(asked * dx - lines.slope[k] * (dx if slot >= 0 else lines.way[k])), 1.0 + abs(lines.torque[k])
@@ -349,6 +396,8 @@ def worst_law(d: float, laws: Laws, moving: Moving, before: State, lines: Lines)
             w1 = product(laws.on[k], state.v)
             error, scale = inertia_error(k, d, dx, product(laws.on[k], before.v), w1, laws, lines)
             lines.slope[k] = w1
+        elif kind == GEARING:
+            error, scale = ratio_error(k, part, dx, given.factors, model, state, lines)
         if not error <= most * scale:
             worst, most = k, error / scale
         lines.way[k] = dx
@@ -385,19 +434,26 @@ def leave_shaft(k: int, laws: Laws, moving: Moving, lines: Lines) -> None:
     state.twist[slot] = x + dx
 
 
+@njit(**INLINED)
+def value_after(k: int, laws: Laws, lines: Lines) -> float:
+    """Return the value of a law's table after a part of a step."""
+    x, s = lines.start[k] + lines.way[k], laws.second[k]
+    return value(laws.tables, k, x) if s < 0 else over_two(laws.tables, s, x, lines.start[s] + lines.way[s])[0]
+
+
 @njit(**STAGE)
 def leave_lines(part: Part, laws: Laws, given: Given, moving: Moving, before: State, lines: Lines) -> None:
     """Set the state of the laws after a part of a step."""
     own, state, factors = moving.own, moving.state, given.factors
     for k in range(laws.kind.shape[0]):
         kind, slot, x, dx = laws.kind[k], laws.slot[k], lines.start[k], lines.way[k]
-        if laws.angle[k]:
+        if laws.by[k] == ANGLE:
             own.at[k] = x + dx
             own.way[k] = (product(laws.of[k], state.v) - product(laws.of[k], before.v)) / (2.0 * part.d)
         else:
             own.way[k] = dx / part.d
         if kind == CAPACITY:
-            own.torque[k] = value(laws.tables, k, x + dx)
+            own.torque[k] = value_after(k, laws, lines)
         elif kind == FRICTION:
             leave_friction(k, given.loads.cap[VISC, laws.element[k]], laws, before, state, lines)
             own.torque[k] = value(laws.tables, k, abs(x + dx))
@@ -405,11 +461,16 @@ def leave_lines(part: Part, laws: Laws, given: Given, moving: Moving, before: St
             leave_shaft(k, laws, moving, lines)
         elif kind == TORQUE:
             g1 = lin(factors[0, laws.factor[k]], factors[1, laws.factor[k]], part.end)
-            own.torque[k] = g1 * value(laws.tables, k, x + dx)
+            own.torque[k] = g1 * value_after(k, laws, lines)
+            if laws.second[k] >= 0:
+                own.torque[laws.second[k]] = lines.other[k] / part.d
             if slot >= 0:
-                if laws.angle[k]:
-                    own.work[0] -= 0.5 * lines.kc[0, slot] * dx * dx
+                own.work[0] -= 0.5 * lines.kc[0, slot] * state.twist[slot] * state.twist[slot]
                 own.work[0] -= state.shaft[E_SHAFT, slot] - before.shaft[E_SHAFT, slot]
         elif kind == INERTIA:
             own.work[0] += lines.torque[k] * dx
             own.torque[k] = value(laws.tables, k, x + dx)
+        elif kind == GEARING:
+            end = lin(factors[0, laws.factor[k]], factors[1, laws.factor[k]], part.end)
+            own.torque[k] = end * value(laws.tables, k, x + dx)
+            state.v[own_speed(lines.w[laws.element[k]])] = 0.0

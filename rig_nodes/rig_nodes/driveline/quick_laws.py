@@ -15,7 +15,7 @@ import numpy as np
 
 from rig_nodes.base import INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import BACKWARD, FORWARD, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC, Places, noinline, short_loops
-from rig_nodes.driveline.laws import CAPACITY, FRICTION, INERTIA, MOTION, SHAFT, TORQUE, Laws, LawState
+from rig_nodes.driveline.laws import CAPACITY, FRICTION, GEARING, INERTIA, MOTION, SHAFT, TORQUE, Laws, LawState
 from rig_nodes.driveline.lines import CLOSE
 from rig_nodes.driveline.state import Loads, State, Structure
 from rig_nodes.driveline.tables import along, line, piece, value
@@ -149,12 +149,12 @@ def start_laws(q: Quick) -> bool:
         by_law[DX, k] = own.way[k] * h
         by_law[AHEAD, k] = 1.0
         by_law[PUSH0, k] = by_law[PUSH1, k] = by_law[EXTRA, k] = by_law[TORQUE_, k] = 0.0
-        if laws.angle[k]:
+        if laws.by[k]:
             by_law[X, k] = own.at[k]
             by_law[DX, k] = h * rate + own.way[k] * h * h
             by_law[AHEAD, k] = 0.5 * h
         here = by_law[X, k]
-        if kind == MOTION or kind == SHAFT:
+        if kind == MOTION or kind == SHAFT or kind >= GEARING:
             return False
         if kind == FRICTION:
             q.by_element[CURVED, laws.element[k]] = 1.0
@@ -220,7 +220,7 @@ def put_capacity(k: int, q: Quick) -> None:
     if slips and final > 0.0 and q.loss.shape[0] == 0 and q.by_element[CURVED, f] == 0.0:
         by_law[SLOPE, k] = rise
         by_law[EXTRA, k] = mode[f] * cap[KIN1, f] * rise * by_law[AHEAD, k]
-        kinetic = final + rise * ((q.h * by_law[RATE, k] if laws.angle[k] else 0.0) - dx)
+        kinetic = final + rise * ((q.h * by_law[RATE, k] if laws.by[k] else 0.0) - dx)
     for row in (KIN0, LO0, HI0):
         cap[row, f] *= start
         cap[row + 1, f] *= kinetic if row == KIN0 else limit
@@ -279,7 +279,7 @@ def put_torque(k: int, q: Quick) -> None:
     if place >= 0:
         steep, shift = 0.5 * (a + b) * rise, 0.0
         kc[0, place] = kc[1, place] = 0.0
-        if laws.angle[k]:
+        if laws.by[k]:
             kc[0, place] = -steep
         else:
             kc[1, place] = -steep
@@ -287,7 +287,7 @@ def put_torque(k: int, q: Quick) -> None:
         by_law[PUSH0, k], by_law[PUSH1, k] = a * start - shift, b * start - shift
     else:
         lossy = q.loss.shape[0] > 0
-        rest = q.h * by_law[RATE, k] if laws.angle[k] else 0.0
+        rest = q.h * by_law[RATE, k] if laws.by[k] else 0.0
         by_law[EXTRA, k] = 0.0 if lossy else -b * rise * by_law[AHEAD, k]
         by_law[PUSH0, k], by_law[PUSH1, k] = a * start, b * (start + rise * (dx if lossy else rest))
     by_law[TORQUE_, k], by_law[SLOPE, k] = start, rise
@@ -356,7 +356,7 @@ def are_met(q: Quick) -> bool:
     met, h = True, q.h
     for k in range(q.laws.kind.shape[0]):
         kind, gain = q.laws.kind[k], dot(q.laws.of, k, q.by_speed, DV)
-        moved = h * q.by_law[RATE, k] + 0.5 * h * gain if q.laws.angle[k] else gain
+        moved = h * q.by_law[RATE, k] + 0.5 * h * gain if q.laws.by[k] else gain
         if kind == CAPACITY:
             error, scale = capacity_error(k, moved, q)
         elif kind == FRICTION:
@@ -425,7 +425,7 @@ def leave_laws(q: Quick) -> None:
         now = by_law[VALUE, k] + by_law[RISE, k] * (reads - abs(by_law[X, k]) if kind == FRICTION else dx)
         if not on_piece(k, reads, by_law):
             now = value(laws.tables, k, reads)
-        if laws.angle[k]:
+        if laws.by[k]:
             own.at[k] = here
             own.way[k] = by_law[GAIN, k] / (2.0 * h)
         else:

@@ -42,7 +42,7 @@ INPUTS = (
     *("given_kind", "given_place", "given_on", "given_first", "given_x", "given_y", "given_ends", "given_period"),
     *("stick", "default", "mass", "q_before", "cap_before", "begun"),
 )
-WHOLE_NUMBERS = (*Laws._fields[:5], "first_spring", "first_point", "given_kind", "given_place", "given_first")
+WHOLE_NUMBERS = (*Laws._fields[:6], "first_spring", "first_point", "given_kind", "given_place", "given_first")
 
 
 class OverTime(NamedTuple):
@@ -131,8 +131,9 @@ class Room(NamedTuple):
 
 
 FIELDS = (*Structure._fields, *Loads._fields, "loss", *State._fields, *LAWS, *KEPT, *INPUTS, *Room._fields)
-# a layout begins with the numbers of speeds, elements, shafts, losses, laws, inputs over time, inputs of laws, springs and events
-SIZES = 9
+# a layout begins with the numbers of speeds, elements, shafts, losses, laws, inputs over time, inputs of laws, springs, events and
+# tables of laws
+SIZES = 10
 # where the place of each field is in a layout
 AT: Any = namedtuple("AT", FIELDS)(*range(SIZES, SIZES + len(FIELDS)))  # type: ignore[misc]
 
@@ -172,7 +173,7 @@ def layout_of(dtype: np.dtype) -> np.ndarray:
 
     (m, n), laws = shape("w"), shape("kind")[0]
     sizes = [n, m, shape("sh")[0], shape("loss")[0], laws, shape("given_kind")[0], shape("default")[0]]
-    sizes += [shape("spring")[0], shape("events")[0]]
+    sizes += [shape("spring")[0], shape("events")[0], shape("period")[0]]
     places = {name: entry[1] for name, entry in (dtype.fields or {}).items()}
     return np.array([*sizes, *(places[name] - places["layout"] for name in FIELDS)], np.int64)
 
@@ -258,10 +259,11 @@ def laws_at(layout: Ints) -> Laws:
     base, n, laws = begin_of(layout), layout[0], layout[4]
     return Laws(
         whole(base + layout[AT.kind], laws),
-        whole(base + layout[AT.angle], laws),
+        whole(base + layout[AT.by], laws),
         whole(base + layout[AT.slot], laws),
         whole(base + layout[AT.element], laws),
         whole(base + layout[AT.factor], laws),
+        whole(base + layout[AT.second], laws),
         floats(base + layout[AT.of], laws, n),
         floats(base + layout[AT.on], laws, n),
         floats(base + layout[AT.gap], laws),
@@ -269,11 +271,11 @@ def laws_at(layout: Ints) -> Laws:
         whole(base + layout[AT.first_spring], laws + 1),
         floats(base + layout[AT.springs], layout[7], 2),
         Tables(
-            whole(base + layout[AT.first_point], laws + 1),
+            whole(base + layout[AT.first_point], layout[9] + 1),
             floats(base + layout[AT.x], 1),
             floats(base + layout[AT.y], 1),
-            floats(base + layout[AT.ends], laws, 2),
-            floats(base + layout[AT.period], laws),
+            floats(base + layout[AT.ends], layout[9], 2),
+            floats(base + layout[AT.period], layout[9]),
         ),
     )
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from rig_nodes.base import RigError
 from rig_nodes.driveline import algebra
-from rig_nodes.driveline.laws import INERTIA, MOTION, TORQUE, Law
+from rig_nodes.driveline.laws import GEARING, INERTIA, MOTION, TORQUE, Law
 from rig_nodes.driveline.system import System
 from rig_nodes.driveline.tables import slope_at
 
@@ -177,9 +177,9 @@ class Result:
         ----------
         name : str
             A clutch, brake or free-wheel (torque without its drag), a shaft, a torque or motion of the description (for a motion
-            the mean of the last step), a slider-crank or varying inertia, a gear, mesh, planetary set or relation.
+            the mean of the last step), a slider-crank or varying inertia, a gear, mesh, variator, planetary set or relation.
         body : str, optional
-            The body on which the gear, mesh, planetary set or relation acts; needed for these.
+            The body on which the gear, mesh, variator, planetary set or relation acts; needed for these.
 
         Returns
         -------
@@ -199,6 +199,13 @@ class Result:
             if body in joined:
                 return -self.torques[:, pair] @ s.element_bodies[pair, s.bodies.index(body)]
             raise RigError(f"driveline: '{name}' puts torques on {' and '.join(joined)}; name one of them")
+        for k, law in enumerate(s.laws):
+            if law.kind == GEARING and law.name == name and body is not None:
+                joined = [b for b, c in zip(s.bodies, s.element_bodies[law.element]) if c != 0.0]
+                if body not in joined:
+                    raise RigError(f"driveline: '{name}' puts torques on {' and '.join(joined)}; name one of them")
+                turns = law.bodies[s.bodies.index(body)] != 0.0
+                return self.torques[:, law.element] * (self.laws[:, k] if turns else -1.0)
         if name in s.elements:
             return self.torques[:, s.elements.index(name)]
         if name in s.shafts:
@@ -236,7 +243,15 @@ class Result:
 
     def _on_speeds(self) -> Floats:
         s = self.system
-        return self.pushes @ s.bodies_from_speeds - (self.torques + s.drag * self.slips) @ s.w - self.shaft_torques @ s.sh
+        pushes = self.pushes + self._by_ratios
+        return pushes @ s.bodies_from_speeds - (self.torques + s.drag * self.slips) @ s.w - self.shaft_torques @ s.sh
+
+    @cached_property
+    def _by_ratios(self) -> Floats:
+        """Return the torques (r, b) of variators on bodies beyond those at their ratios at the start."""
+        laws = [(k, law) for k, law in enumerate(self.system.laws) if law.kind == GEARING]
+        more = [((self.laws[:, k] - law.gap) * self.torques[:, law.element])[:, None] * law.bodies for k, law in laws]
+        return sum(more, np.zeros_like(self.pushes))
 
     def _inertias(self) -> list[tuple[int, Law]]:
         return [(k, law) for k, law in enumerate(self.system.laws) if law.kind == INERTIA]
@@ -254,7 +269,7 @@ class Result:
         s = self.system
         joints = (self.torques + s.drag * self.slips) @ s.element_bodies + self.shaft_torques @ s.shaft_bodies
         gains = self.accelerations()
-        missing = gains * s.inertia - self.pushes + joints
+        missing = gains * s.inertia - self.pushes - self._by_ratios + joints
         for k, law in self._inertias():
             missing += (self.laws[:, k] * (gains @ law.bodies) + self._bending(k, law))[:, None] * law.bodies
         return missing @ np.linalg.pinv(s.tie_rows)

@@ -21,7 +21,19 @@ from rig_nodes.driveline.calls import bare_address, bare_step
 from rig_nodes.driveline.described import is_number
 from rig_nodes.driveline.inputs import SAME, Input, Signal, step_ends
 from rig_nodes.driveline.law_steps import LawRows, run_laws, settled_address
-from rig_nodes.driveline.laws import CAPACITY, MOTION, TORQUE, Given, LawState, Model, Moving, law_state, laws_of, stored_energy
+from rig_nodes.driveline.laws import (
+    CAPACITY,
+    GEARING,
+    MOTION,
+    TORQUE,
+    Given,
+    LawState,
+    Model,
+    Moving,
+    law_state,
+    laws_of,
+    stored_energy,
+)
 from rig_nodes.driveline.result import EVENT_NAMES, Event, Moment, Result
 from rig_nodes.driveline.state import Loads, Rows, State, Structure, put_row
 from rig_nodes.driveline.system import System, check_built, torque_refused
@@ -126,7 +138,7 @@ class Run:
             When there is no such input or a value is not valid.
         """
         s = self.system
-        taken = {number for mesh in s.meshes for number in (mesh.gear, mesh.brake)}
+        taken = {number for mesh in s.meshes for number in (mesh.gear, mesh.brake)} | {*s.variators}
         loaded = [body for body in s.bodies if body not in s.balanced]
         known = [*loaded, *(name for f, name in enumerate(s.elements) if not s.one_way[f] and f not in taken), *s.factors]
         for name, signal in inputs.items():
@@ -145,7 +157,7 @@ class Run:
             self._t,
             s.bodies_from_speeds @ x.v,
             s.bodies_from_speeds @ x.twist[len(s.slots) :],
-            s.w @ x.v,
+            s.w @ x.v * (1.0 - np.isin(np.arange(len(s.elements)), s.variators)),
             x.mode.copy(),
             x.el[algebra.LAM].copy(),
         )
@@ -214,7 +226,7 @@ class Run:
             t,
             v @ s.bodies_from_speeds.T,
             angles @ s.bodies_from_speeds.T,
-            v @ s.w.T,
+            v @ s.w.T * (1.0 - np.isin(np.arange(len(s.elements)), s.variators)),
             mode,
             el[:, algebra.LAM],
             twist,
@@ -258,7 +270,7 @@ class Run:
         pushes = np.zeros((steps, 2, len(s.bodies)))
         cap = np.repeat(s.limits()[None], steps, axis=0)
         given = np.zeros((steps, 3, len(s.factors)))
-        moved = {law.name for law in s.laws if law.kind == MOTION}
+        moved = {law.name for law in s.laws if law.kind in (MOTION, GEARING)}
         for i, (name, default) in enumerate(s.factors.items()):
             given[:, :2, i] = default
             if name in self._inputs:
@@ -270,7 +282,7 @@ class Run:
         for name, one in self._inputs.items():
             if name in s.bodies:
                 pushes[:, :, s.bodies.index(name)] = one.ends(t, self._breakpoints)
-            elif name in s.elements:
+            elif name in s.elements and name not in moved:
                 self._put(cap, s.elements.index(name), one.ends(t, self._breakpoints, 0.0))
         return pushes, cap, given
 

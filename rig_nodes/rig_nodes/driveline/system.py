@@ -16,7 +16,7 @@ import numpy as np
 from rig_nodes.base import RigError
 from rig_nodes.driveline import algebra
 from rig_nodes.driveline.algebra import work_size
-from rig_nodes.driveline.laws import Law
+from rig_nodes.driveline.laws import GEARING, Law
 from rig_nodes.driveline.losses import BASE, FACTOR, ON, OWN, SHARE, WEIGHTS, loss_width
 from rig_nodes.driveline.state import State, Structure
 
@@ -61,7 +61,8 @@ class System:
     Parameters
     ----------
     bodies, elements, shafts, speeds : tuple of str
-        Names of the bodies (b), of the friction elements (m), of the shafts (s) and of the bodies whose speeds are v (n).
+        Names of the bodies (b), of the friction elements (m), of the shafts (s) and of the bodies whose speeds are v (n), which
+        those of variators (driveline.variators) follow.
     inertia : (b,) array of float
         Inertia of each body [kg m2].
     bodies_from_speeds : (b, n) array of float
@@ -131,6 +132,11 @@ class System:
         kc[:, : len(self.shafts)] = self.kc
         return Structure(self.minv, self.w, self.slots, kc)
 
+    @property
+    def variators(self) -> list[int]:
+        """Numbers of the friction elements that are gears whose ratio varies."""
+        return [law.element for law in self.laws if law.kind == GEARING]
+
     def state(self, max_events: int = 256, recorded: bool = False) -> State:
         """Return the initial state: each free-wheel overruns or is locked, everything else is open.
 
@@ -154,6 +160,7 @@ class System:
                 mode[f] = algebra.BACKWARD
         for mesh in self.meshes:
             mode[mesh.gear] = algebra.STUCK
+        mode[self.variators] = algebra.STUCK
         extra = n if recorded else 0
         twist = np.zeros(s + extra)
         twist[: len(self.shafts)] = self.twist_start
@@ -178,13 +185,13 @@ class System:
         return loss
 
     def limits(self) -> np.ndarray:
-        """Return a new `cap` (7, m) for the kernel in which drag, free-wheels and meshes are set and everything else is open."""
+        """Return a new `cap` (7, m) for the kernel in which drag, free-wheels and gears are set and everything else is open."""
         cap = np.zeros((7, len(self.elements)))
         cap[algebra.VISC] = self.drag
         cap[algebra.HI0, self.one_way] = np.inf
         cap[algebra.HI1, self.one_way] = np.inf
-        for mesh in self.meshes:
-            cap[[algebra.HI0, algebra.HI1], mesh.gear], cap[[algebra.LO0, algebra.LO1], mesh.gear] = np.inf, -np.inf
+        for gear in (*(mesh.gear for mesh in self.meshes), *self.variators):
+            cap[[algebra.HI0, algebra.HI1], gear], cap[[algebra.LO0, algebra.LO1], gear] = np.inf, -np.inf
         return cap
 
 

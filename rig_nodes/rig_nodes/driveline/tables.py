@@ -86,6 +86,61 @@ def table_of(what: str, given: tuple[Sequence[float], Sequence[float]], beyond: 
     return Table(x, y, beyond, 0.0 if period is None else float(x[-1] - x[0]))
 
 
+class Grid(NamedTuple):
+    """A checked table over two arguments: a curve over the first for each value of the second, between which it is linear.
+
+    Parameters
+    ----------
+    curves : tuple of Table
+        The curves, which have the same points.
+    rows : Table
+        Values of the second argument, and the number of the curve for each. Beyond its ends it is flat, or it repeats itself.
+    """
+
+    curves: tuple[Table, ...]
+    rows: Table
+
+
+def grid_of(what: str, given: tuple, periods: tuple[float | None, float | None]) -> Grid:
+    """Check a table over two arguments and return it.
+
+    Parameters
+    ----------
+    what : str
+        What messages call the element of the table.
+    given : (points (p,), points (r,), values (p, r))
+        Points of both arguments, and the values on the grid of these.
+    periods : (float or None, float or None)
+        Lengths after which it repeats itself over each argument.
+
+    Returns
+    -------
+    Grid
+        The table.
+
+    Raises
+    ------
+    RigError
+        When these are not a grid, jump, or do not span a period.
+    """
+    try:
+        first, second, values = (np.array(one, float) for one in given)
+    except (TypeError, ValueError):
+        first, second, values = np.zeros(0), np.zeros(0), np.zeros((0, 1))
+    if first.ndim != 1 or second.ndim != 1 or values.shape != (len(first), len(second)):
+        raise RigError(
+            f"driveline: the table of {what} over two quantities needs the points of both and a value for each pair of these, in "
+            "as many rows as the first has points and as many columns as the second"
+        )
+    if len(first) < 2 or len(second) < 2 or np.any(np.diff(first) <= 0.0) or np.any(np.diff(second) <= 0.0):
+        raise RigError(f"driveline: the table of {what} needs two points or more of each quantity, all rising; it cannot jump")
+    rows = table_of(what, (second, np.arange(len(second))), "flat", periods[1])
+    for period, one, other in ((periods[0], values[0], values[-1]), (periods[1], values[:, 0], values[:, -1])):
+        if period is not None and np.any(one != other):
+            raise RigError(f"driveline: the table of {what} ends with other values than it begins with; with a period it may not")
+    return Grid(tuple(table_of(what, (first, column), "flat", periods[0]) for column in values.T), rows)
+
+
 def tables_of(tables: Sequence[Table]) -> Tables:
     """Return the tables in the form that the compiled code reads."""
     ends = np.zeros((len(tables), 2))
@@ -176,6 +231,26 @@ def line(tables: Tables, k: int, number: int) -> tuple[float, float, float, floa
     wide = tables.x[i + 1] - tables.x[i]
     slope = (tables.y[i + 1] - tables.y[i]) / wide if wide > 0.0 else 0.0
     return tables.x[i] + shift, tables.x[i + 1] + shift, tables.y[i], tables.x[i] + shift, slope
+
+
+@njit(**INNER)
+def curves_at(tables: Tables, rows: int, u: float) -> tuple[int, int, float, float]:
+    """Return the two curves of a Grid beside u, the share of the second, and its slope over u; table ``rows`` has their numbers."""
+    noinline()
+    _, _, curve, at, slope = line(tables, rows, piece(tables, rows, u))
+    first = int(curve)
+    return first, first + 1 if slope > 0.0 else first, min(max(slope * (u - at), 0.0), 1.0), slope
+
+
+@njit(**INNER)
+def over_two(tables: Tables, rows: int, x: float, u: float) -> tuple[float, float, float]:
+    """Return (value, slope over x, slope over u) of a Grid, whose table ``rows`` has the numbers of its curves."""
+    noinline()
+    first, other, share, rise = curves_at(tables, rows, u)
+    _, _, y, at, slope = line(tables, first, piece(tables, first, x))
+    _, _, beside, _, steeper = line(tables, other, piece(tables, other, x))
+    more = beside - y + (steeper - slope) * (x - at)
+    return y + slope * (x - at) + share * more, slope + share * (steeper - slope), rise * more
 
 
 LEAST = 1e-150  # least length of an interval whose square is still a normal number

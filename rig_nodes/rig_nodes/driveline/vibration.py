@@ -17,7 +17,7 @@ import numpy as np
 from scipy import linalg
 
 from rig_nodes.base import RigError, brief
-from rig_nodes.driveline.laws import INERTIA, MOTION, TORQUE
+from rig_nodes.driveline.laws import ANGLE, ARGUMENT, INERTIA, INPUT, MOTION, RATIO, TORQUE, Law
 from rig_nodes.driveline.system import System, check_built
 from rig_nodes.driveline.tables import slope_at, value_at
 
@@ -244,7 +244,9 @@ def _found(system: System, locked: Sequence[str]) -> _Found | None:
     held = np.array([name in locked for name in system.elements], bool)
     for mesh in system.meshes:
         held[mesh.gear] = True
+    held[system.variators] = True
     still = [system.w[held], *(law.on[None] for law in system.laws if law.kind == MOTION)]
+    still += [np.eye(len(system.speeds))[np.flatnonzero(system.w[f])[-1:]] for f in system.variators]
     free = linalg.null_space(np.concatenate(still)) if held.any() or len(still) > 1 else np.eye(len(system.speeds))
     if free.shape[1] == 0:
         return None
@@ -270,14 +272,34 @@ def _of_laws(system: System) -> tuple[Floats, Floats, Floats]:
     """Return mass, stiffness and damping (n, n) of the laws of a system at its start."""
     mass, stiffness, drag = np.zeros((3, *system.mass.shape))
     factors = list(system.factors.values())
+    seconds = {law.name: law for law in system.laws if law.kind == ARGUMENT}
     for law in system.laws:
         if law.kind == INERTIA:
             mass += value_at(law.table, law.start) * np.outer(law.on, law.on)
         elif law.kind == TORQUE:
-            at = law.start if law.angle else law.of @ system.v_start
-            slope = slope_at(law.table, [at])[0] * (factors[law.factor] if law.factor >= 0 else 1.0)
-            (stiffness if law.angle else drag)[:] -= slope * np.outer(law.on, law.of)
+            for by, slope, of in _slopes_of(system, law, seconds.get(law.name)):
+                (stiffness if by == ANGLE else drag)[:] -= slope * factors[law.factor] * np.outer(law.on, of)
     return mass, stiffness, drag
+
+
+def _slopes_of(system: System, law: Law, second: Law | None) -> list[tuple[int, float, Floats]]:
+    """Return for each argument of a torque its kind, the slope of the table over it at the start, and its row of the speeds."""
+    v = system.v_start
+    x = law.start if law.by == ANGLE else law.of @ v
+    if second is None:
+        return [(law.by, slope_at(law.table, [x])[0], law.of)]
+    row, under = second.of, second.on @ v
+    u = second.start if second.by == ANGLE else row @ v
+    if second.by == INPUT:
+        u = list(system.factors.values())[second.factor]
+    elif second.by == RATIO and under != 0.0:
+        u /= under
+        row = (row - u * second.on) / under
+    at, rise = value_at(second.table, u), slope_at(second.table, [u])[0]
+    curve, other = (second.curves[i] for i in (int(at), min(int(at) + 1, len(second.curves) - 1)))
+    slope, steeper = slope_at(curve, [x])[0], slope_at(other, [x])[0]
+    across = rise * (value_at(other, x) - value_at(curve, x))
+    return [(law.by, slope + (at % 1.0) * (steeper - slope), law.of), (second.by, across, row)]
 
 
 def _damped(mass: Floats, stiffness: Floats, drag: Floats) -> tuple[Floats, Floats, Floats | npt.NDArray[np.complex128]]:

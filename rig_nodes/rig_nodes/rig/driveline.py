@@ -147,6 +147,11 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], values:
             out.motion(one.name, *one.bodies)
         elif one.kind == "torque":
             out.torque(one.name, *one.bodies, of=one.follows.of or None, by=one.follows.by, **_law(one.follows))
+        elif one.kind == "variator" and lossless:
+            out.gear(one.bodies[0], one.bodies[1], _first_ratio(one, **_given(values[one.name])), one.name)
+        elif one.kind == "variator":
+            follows = {"of": one.follows.of or None, **_law(one.follows)} if one.follows else {}
+            out.variator(one.name, *one.bodies, **_given(values[one.name]), **follows)
         elif one.kind == "varying_inertia":
             out.varying_inertia(one.name, *one.bodies, **_law(one.follows))
         elif one.kind in ("clutch", "brake") and one.follows:
@@ -166,7 +171,21 @@ def _columns(points: Points) -> tuple | None:
 
 
 def _law(follows: Follows) -> dict:
-    return {"table": _columns(follows.table), "period": follows.period or None, "angle": follows.angle}
+    """The table, its period and the angle at the start; a table over two quantities as a grid, of which it has every point."""
+    table = _columns(follows.table)
+    if len(follows.table[0]) == 3:
+        values = {point[:2]: point[2] for point in follows.table}
+        first, second = (sorted(set(column)) for column in table[:2])
+        table = first, second, [[values[x, u] for u in second] for x in first]
+    return {"table": table, "period": follows.period or None, "angle": follows.angle}
+
+
+def _first_ratio(one: Element, ratio: float = 1.0) -> float:
+    """The ratio of a variator at the start, where that of its input is ``ratio``."""
+    if one.follows is None:
+        return ratio
+    angles, ratios = zip(*one.follows.table)
+    return ratio * float(np.interp(one.follows.angle, angles, ratios, period=one.follows.period or None))
 
 
 def _clutch(out: Driveline, one: Element, given: dict[str, float]) -> None:

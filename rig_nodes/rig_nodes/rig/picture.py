@@ -50,6 +50,7 @@ def _links(structure: Structure, config: object) -> list[Link]:
     out += [Link(a, b, "shaft", one.called) for one, a, b in joins if one in structure.of_role(parts.COUPLING)]
     out += [Link(a, b, "freewheel", f"{one.called}: {a} not faster") for one, a, b in joins if one in structure.freewheels]
     out += [Link(*one.bodies, one.kind, one.name) for one in structure.of_kind("clutch", "torque") if len(one.bodies) == 2]
+    out += [Link(one.bodies[0], one.bodies[1], "mesh", f"{one.name}: its ratio varies") for one in structure.of_kind("variator")]
     for one in structure.of_kind("relation"):
         words = [f"{c:g} {body}" for body, c in zip(one.bodies, one.coefficients)]
         out += [Link(one.bodies[0], other, "set", one.name, (words[0], term)) for other, term in zip(one.bodies[1:], words[1:])]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ..base import List, Map, RigError, brief, check_keys, file_of, meant, quantity, where_of
 from ..plant import part as parts
 from .quantities import QUANTITIES
-from .read_elements import GROUND, GROUPS, read_elements, read_inputs, read_table
+from .read_elements import GROUND, GROUPS, inputs_read, read_elements, read_inputs, read_table
 from .read_wheels import MASSLESS, is_name, read_meshes, read_planetary_sets
 from .signals import TORQUES
 from .structure import MOST_OUTPUTS, RATE, Device, End, GearHeld, OwnPlot, Points, Shaft, Structure, Transducer
@@ -161,7 +161,7 @@ class _Reader:
                 raise self.wrong(
                     nodes, name, f"{what} must have one of the keys stiffness, and table for one that is no straight line"
                 )
-            table = read_table(self, node, "table", f"{what}.table", "angle", "torque") if "table" in node else ()
+            table = read_table(self, node, "table", f"{what}.table", ("angle", "torque")) if "table" in node else ()
             out.append(
                 Shaft(
                     name,
@@ -261,6 +261,8 @@ class _Reader:
             if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= MOST_OUTPUTS:
                 raise RigError(f"{where}: {what} is {brief(value)}, expected output 1 to {MOST_OUTPUTS} of the controller")
             return value
+        if to == parts.INPUT:
+            return str(value)  # check_whole knows which there are
         if to == parts.LINE:
             if not isinstance(value, str) or not value.isidentifier():
                 raise RigError(f"{where}: {what} is {brief(value)}, expected a name for the oil line")
@@ -501,6 +503,15 @@ class _Reader:
             )
         if structure.gears and not structure.of_role(parts.SOURCE):
             raise self.wrong(self.node, "gears", "a rig with gears needs a motor among its parts, e.g. part: dc_motor")
+        known = [*inputs_read(structure.elements), *(one.name for one in structure.of_kind("torque", "variator"))]
+        moved = dict.fromkeys(structure.inputs, "the table over time under inputs")
+        for device in structure.of_role(parts.LEVER):
+            what, to, node = f"parts.{device.name}.moves", device.wires["moves"], self.map_of("parts")[device.name]
+            if to not in known:
+                raise self.wrong(node, "moves", f"{what} names {brief(to)}, expected {meaning(parts.INPUT)}; {meant(to, known)}")
+            if to in moved:
+                raise self.wrong(node, "moves", f"{what} names '{to}', which follows {moved[to]} already; one is possible")
+            moved[to] = device.name
 
 
 def meaning(to: str) -> str:
@@ -514,6 +525,7 @@ def meaning(to: str) -> str:
         parts.TRANSDUCER: "a transducer",
         parts.OUTPUT: "an output of the controller",
         parts.LINE: "a name",
+        parts.INPUT: "an input over which a table is, a torque or a variator",
         parts.VALUES: "a part whose values it shares",
         parts.OIL: "an oil supply",
     }.get(to, f"a {to}")

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base import UNITS, List, Map, RigError, brief, check_keys, file_of, meant, quantity
+from .read_wheels import is_name
 from .structure import Element, Follows, Points
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ GROUPS = {
     "varying_inertias": ("body", "table", "period", "angle"),
     "slider_cranks": ("body",),
     "motions": ("body",),
+    "variators": ("bodies", "of", "table", "period", "angle"),
 }
 ELEMENTS = {
     "relations": "relation",
@@ -44,8 +46,10 @@ ELEMENTS = {
     "varying_inertias": "varying_inertia",
     "slider_cranks": "slider_crank",
     "motions": "motion",
+    "variators": "variator",
 }
-_ACROSS = {"speed": "angular velocity", "angle": "angle"}
+_GIVEN = "inputs of tables"  # what the names of inputs that tables read are among
+_ACROSS = {"speed": "angular velocity", "angle": "angle", "ratio": "ratio", "input": "ratio", "time": "time"}
 
 
 def read_elements(reader: _Reader) -> tuple[Element, ...]:
@@ -82,11 +86,12 @@ def read_inputs(reader: _Reader, elements: tuple[Element, ...]) -> dict[str, Poi
     """
     nodes, out = reader.map_of("inputs"), {}
     dimensions = dict.fromkeys(reader.bodies, "torque")
+    dimensions |= dict.fromkeys(inputs_read(elements), "ratio")
     for one in elements:
         if one.kind in ("clutch", "brake"):
             dimensions[one.name] = "ratio" if one.follows else "torque"
-        elif one.kind in ("torque", "motion"):
-            dimensions[one.name] = "ratio" if one.kind == "torque" else "angular velocity"
+        elif one.kind in ("torque", "motion", "variator"):
+            dimensions[one.name] = "angular velocity" if one.kind == "motion" else "ratio"
     capacities = [one.name for one in elements if one.kind in ("clutch", "brake")]
     for name, node in nodes.items():
         where, what = reader.at(nodes, name), f"inputs.{name}"
@@ -95,17 +100,23 @@ def read_inputs(reader: _Reader, elements: tuple[Element, ...]) -> dict[str, Poi
         if isinstance(node, List) and len(node) == 2 and not isinstance(node[0], List) and not _is_file(node[0]):
             points = ((0.0, quantity(_sourced(node, where, what), dimensions[name], f"{where}: {what}")),)
         else:
-            points = read_table(reader, nodes, name, what, "time", dimensions[name])
+            points = read_table(reader, nodes, name, what, ("time", dimensions[name]))
         if name in capacities and min(value for _, value in points) < 0.0:
             raise RigError(f"{where}: {what} falls to {min(value for _, value in points):g}; a capacity is at least 0")
         out[name] = points
     return out
 
 
-def read_table(reader: _Reader, node: Map, key: str, what: str, across: str, along: str) -> Points:
+def inputs_read(elements: tuple[Element, ...]) -> list[str]:
+    """Return the names of the inputs over which elements have tables."""
+    laws = [one.follows for one in elements if one.follows and not isinstance(one.follows.by, str)]
+    return [str(of) for law in laws for by, of in zip(law.by, law.of) if by == "input"]
+
+
+def read_table(reader: _Reader, node: Map, key: str, what: str, columns: tuple[str, ...]) -> Points:
     """Return the points of a table that stands under a key.
 
-    It is written as ``[[[x, y], ...], "its source"]``, or ``["file.csv", "its source"]``.
+    It is written as ``[[[x, y], ...], "its source"]``, or ``["file.csv", "its source"]``; over two quantities a point has three.
 
     Parameters
     ----------
@@ -117,12 +128,12 @@ def read_table(reader: _Reader, node: Map, key: str, what: str, across: str, alo
         The key.
     what : str
         What the table is, for the errors.
-    across, along : str
+    columns : tuple of str
         Dimensions of arguments and values, of base.units.
 
     Returns
     -------
-    tuple of (float, float)
+    tuple of (float, ...)
         The points [SI].
 
     Raises
@@ -131,21 +142,23 @@ def read_table(reader: _Reader, node: Map, key: str, what: str, across: str, alo
         With file and line, when the table is not right.
     """
     where = reader.at(node, key)
-    rows = _sourced(node[key], where, what)
+    rows, meaning = _sourced(node[key], where, what), ", ".join(columns)
     if _is_file(rows):
-        return _of_file(Path(file_of(reader.path, node, key)).parent / rows, f"{where}: {what}", across, along)
+        return _of_file(Path(file_of(reader.path, node, key)).parent / rows, f"{where}: {what}", columns)
     if not isinstance(rows, List) or not rows:
         raise RigError(
-            f"{where}: {what} must be a list of points, each [{across}, {along}], or the name of a .csv file; found {brief(rows)}"
+            f"{where}: {what} must be a list of points, each [{meaning}], or the name of a .csv file; found {brief(rows)}"
         )
     if len(rows) > MOST_POINTS:
         raise RigError(f"{where}: {what} has {len(rows)} points, expected at most {MOST_POINTS}")
     out = []
     for k, row in enumerate(rows):
         at = reader.at(rows, k)
-        if not isinstance(row, List) or len(row) != 2:
-            raise RigError(f"{at}: {what}: a point is [{across}, {along}], each with its unit; found {brief(row)}")
-        out.append((quantity(row[0], across, f"{at}: {what}"), quantity(row[1], along, f"{at}: {what}")))
+        if not isinstance(row, List) or len(row) != len(columns):
+            raise RigError(f"{at}: {what}: a point is [{meaning}], each with its unit; found {brief(row)}")
+        out.append(tuple(quantity(one, column, f"{at}: {what}") for one, column in zip(row, columns)))
+    if len(columns) == 3:
+        return _grid(out, f"{where}: {what}")
     for k, (before, after) in enumerate(itertools.pairwise(out)):
         if after[0] < before[0]:
             raise reader.wrong(
@@ -165,8 +178,22 @@ def _sourced(node: object, where: str, what: str) -> Any:
     return node[0]
 
 
-def _of_file(path: Path, where: str, across: str, along: str) -> Points:
-    """Points of a CSV file with two columns and a heading with their units, ``speed [rpm], torque [Nm]``; # begins a comment."""
+def _grid(points: list[tuple[float, ...]], where: str) -> Points:
+    """The points of a table over two quantities; RigError where they are no grid."""
+    pairs = {point[:2] for point in points}
+    first, second = (sorted({pair[i] for pair in pairs}) for i in (0, 1))
+    lacks = next(((x, u) for x in first for u in second if (x, u) not in pairs), None)
+    if lacks or len(pairs) < len(points) or min(len(first), len(second)) < 2:
+        which = f"that for {lacks[0]:g} and {lacks[1]:g} [SI] is missing" if lacks else "some are given twice or lie in one line"
+        raise RigError(
+            f"{where} has {len(points)} points with {len(first)} values of the first quantity and {len(second)} of the second; "
+            f"one for each pair is needed, two of each at least: {which}"
+        )
+    return tuple(points)
+
+
+def _of_file(path: Path, where: str, columns: tuple[str, ...]) -> Points:
+    """Points of a CSV file with a heading that has the units, ``speed [rpm], torque [Nm]``; # begins a comment."""
     try:
         with path.open(encoding="utf-8") as file:
             lines = [line for line in file.read(20_000_000).splitlines() if line.strip() and not line.startswith("#")]
@@ -174,23 +201,24 @@ def _of_file(path: Path, where: str, across: str, along: str) -> Points:
         raise RigError(f"{where}: {path} cannot be read ({error})") from None
     heading, *rows = csv.reader(lines, skipinitialspace=True) if lines else [[]]
     factors = []
-    for column, dimension in zip(heading, (across, along)):
+    for column, dimension in zip(heading, columns):
         unit = column.strip().partition("[")[2].removesuffix("]")
         if UNITS.get(unit, ("", 0.0))[0] != dimension:
             known = ", ".join(f"[{one}]" for one, (own, _) in UNITS.items() if own == dimension)
             raise RigError(f"{where}: {path.name}: the heading {brief(column)} names no unit of {dimension}; {known} are known")
         factors.append(UNITS[unit][1])
-    if len(factors) != 2 or not rows or any(len(row) != 2 for row in rows) or len(rows) > MOST_POINTS:
-        raise RigError(f"{where}: {path.name} needs a heading and 1 to {MOST_POINTS} rows, of two columns each")
+    many = "two" if len(columns) == 2 else "three"
+    if len(factors) != len(columns) or not rows or any(len(row) != len(columns) for row in rows) or len(rows) > MOST_POINTS:
+        raise RigError(f"{where}: {path.name} needs a heading and 1 to {MOST_POINTS} rows, of {many} columns each")
     out = []
     for k, row in enumerate(rows, 2):
         try:
             out.append(tuple(float(text) * factor for text, factor in zip(row, factors)))
         except ValueError:
-            raise RigError(f"{where}: {path.name}: row {k}, {brief(','.join(row))}, is not two numbers") from None
-        if k > 2 and out[-1][0] < out[-2][0]:
+            raise RigError(f"{where}: {path.name}: row {k}, {brief(','.join(row))}, is not {many} numbers") from None
+        if len(columns) == 2 and k > 2 and out[-1][0] < out[-2][0]:
             raise RigError(f"{where}: {path.name}: row {k}: {row[0]} comes after {rows[k - 3][0]}; the points of a table must rise")
-    return tuple(out)
+    return _grid(out, f"{where}: {path.name}") if len(columns) == 3 else tuple(out)
 
 
 class _Element:
@@ -214,11 +242,13 @@ class _Element:
             follows = self.follows(self.node, self.what, "inertia", "angle")
         elif self.kind == "motion":
             check_keys(self.reader.path, self.node, ("body",), ("body",), self.what, self.where)
+        elif self.kind == "variator" and "table" in self.node:
+            follows = self.follows(self.node, self.what, "ratio", "angle")
         return Element(self.name, self.kind, self.bodies(), (), follows, friction)
 
     def bodies(self) -> tuple[str, ...]:
         """Return the one or two bodies that it joins or acts on."""
-        keys = {"clutch": ("joins",), "torque": ("body", "joins")}.get(self.kind, ("body",))
+        keys = {"clutch": ("joins",), "torque": ("body", "joins"), "variator": ("bodies",)}.get(self.kind, ("body",))
         written = [key for key in keys if key in self.node]
         if len(written) != 1:
             raise self.reader.wrong(
@@ -232,8 +262,8 @@ class _Element:
                 ),
             )
         at, what = self.reader.at(self.node, written[0]), f"{self.what}.{written[0]}"
-        if written == ["joins"]:
-            return self.reader.two_bodies(self.node["joins"], at, what, ground=self.kind == "torque")
+        if written[0] in ("joins", "bodies"):
+            return self.reader.two_bodies(self.node[written[0]], at, what, ground=self.kind == "torque")
         return (self.reader.body(self.node["body"], at, what),)
 
     def relation(self) -> Element:
@@ -258,7 +288,7 @@ class _Element:
         """Return the factors over the slip."""
         if "friction" not in self.node:
             return ()
-        return read_table(self.reader, self.node, "friction", f"{self.what}.friction", "angular velocity", "ratio")
+        return read_table(self.reader, self.node, "friction", f"{self.what}.friction", ("angular velocity", "ratio"))
 
     def capacity(self) -> Follows | None:
         """Return what the capacity follows; None when it is not given."""
@@ -269,32 +299,68 @@ class _Element:
         return self.follows(node, what, "torque")
 
     def follows(self, node: Map, what: str, along: str, by: str = "speed") -> Follows:
-        """Return a table over the speed or angle of the bodies on which it acts, or of what ``of`` names."""
+        """Return a table over the speed or angle of the bodies on which it acts or of what ``of`` names, or over two of _ACROSS."""
         reader = self.reader
         by, of = node.get("by", by), node.get("of", "")
-        if by not in _ACROSS:
+        if isinstance(by, List):
+            by, of = self.two_quantities(node, what, by, of)
+        elif by not in ("speed", "angle"):
             raise reader.wrong(
                 node,
                 "by",
-                f"{what}.by is {brief(by)}, expected one of {', '.join(_ACROSS)}; what depends on time belongs under inputs",
+                f"{what}.by is {brief(by)}, expected speed, angle, or a list of two of {', '.join(_ACROSS)}; what depends on time "
+                "alone belongs under inputs",
             )
-        if of:
-            known = [
-                *reader.bodies,
-                *reader.map_of("clutches"),
-                *reader.map_of("brakes"),
-                *(name for name, part in reader.part_of_device.items() if "element" in part.wires),
-            ]
-            if of not in known:
-                raise reader.wrong(
-                    node,
-                    "of",
-                    f"{what}.of names {brief(of)}, expected a body, or a clutch or brake whose slip counts; {meant(of, known)}",
-                )
+        elif of:
+            self.turning(node, of, what)
         numbers = [
             quantity(_sourced(node[key], reader.at(node, key), f"{what}.{key}"), "angle", f"{reader.at(node, key)}: {what}.{key}")
             if key in node
             else 0.0
             for key in ("period", "angle")
         ]
-        return Follows(read_table(reader, node, "table", f"{what}.table", _ACROSS[by], along), by, of, *numbers)
+        columns = (_ACROSS[by],) if isinstance(by, str) else tuple(_ACROSS[one] for one in by)
+        return Follows(read_table(reader, node, "table", f"{what}.table", (*columns, along)), by, of, *numbers)
+
+    def turning(self, node: Map, of: object, what: str) -> None:
+        """Refuse what is not a body, nor an element with a slip."""
+        known = [
+            *self.reader.bodies,
+            *self.reader.map_of("clutches"),
+            *self.reader.map_of("brakes"),
+            *(name for name, part in self.reader.part_of_device.items() if "element" in part.wires),
+        ]
+        if of not in known:
+            raise self.reader.wrong(
+                node,
+                "of",
+                f"{what}.of names {brief(of)}, expected a body, or a clutch or brake whose slip counts; {meant(of, known)}",
+            )
+
+    def two_quantities(self, node: Map, what: str, by: List, of: object) -> tuple[tuple[str, str], tuple]:
+        """Return both quantities, and of what each is: a name, two for a ratio, the name of an input, empty for the time."""
+        wrong = self.reader.wrong
+        if len(by) != 2 or any(one not in _ACROSS for one in by):
+            raise wrong(node, "by", f"{what}.by is {brief(list(by))}, expected two of {', '.join(_ACROSS)}")
+        if not isinstance(of, List) or len(of) != 2:
+            raise wrong(node, "of", f"{what}.of is {brief(of)}, expected a list with what each quantity of {what}.by is of")
+        out = []
+        for one, which in zip(by, of):
+            if one == "time":
+                out.append("")
+                continue
+            if one == "ratio":
+                if not isinstance(which, List) or len(which) != 2:
+                    raise wrong(node, "of", f"{what}.of: a ratio is of [a, b], whose speeds are divided; found {brief(which)}")
+                for name in which:
+                    self.turning(node, name, what)
+                out.append(tuple(which))
+                continue
+            if not isinstance(which, str) or not is_name(which):
+                raise wrong(node, "of", f"{what}.of: {one} is of one name; found {brief(which)}")
+            if one != "input":
+                self.turning(node, which, what)
+            elif (taken := self.reader.names.setdefault(which, _GIVEN)) != _GIVEN:
+                raise wrong(node, "of", f"{what}.of: there is '{which}' among the {taken} already; name the input otherwise")
+            out.append(which)
+        return tuple(by), tuple(out)

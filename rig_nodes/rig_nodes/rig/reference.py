@@ -27,6 +27,7 @@ from .sections import (
     MeshConfig,
     ShaftConfig,
     SliderCrankConfig,
+    VariatorConfig,
 )
 from .transducer_types import TRANSDUCER_TYPES
 
@@ -41,6 +42,7 @@ def sections() -> dict[str, tuple[str, dict]]:
         "clutches": ("Of each clutch that is no device.", _of(ClutchConfig)),
         "brakes": ("Of each brake that is no device.", _of(BrakeConfig)),
         "slider_cranks": ("Of each slider with its crank.", _of(SliderCrankConfig)),
+        "variators": ("Of each gear whose ratio varies.", _of(VariatorConfig)),
         **{
             f"instruments, {name}": (
                 f"Of each transducer of `type: {name}`; the names begin with the type, or with what stands under "

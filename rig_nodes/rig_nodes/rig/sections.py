@@ -108,8 +108,17 @@ class SliderCrankConfig:
     angle: float = param("angle", -1e3, 1e3, "Of the crank at time 0, 0 where the slider is farthest; left out, 0", None)
 
 
+@dataclass(frozen=True)
+class VariatorConfig:
+    """A gear whose ratio is an input, follows a table over an angle, or both."""
+
+    ratio: float = param(
+        "ratio", -1e3, 1e3, "Speed of the first body over that of the second, where no input gives it; left out, 1", None
+    )
+
+
 # kind of an element of the driveline -> its values
-ELEMENTS = {"clutch": ClutchConfig, "brake": BrakeConfig, "slider_crank": SliderCrankConfig}
+ELEMENTS = {"clutch": ClutchConfig, "brake": BrakeConfig, "slider_crank": SliderCrankConfig, "variator": VariatorConfig}
 
 
 @lru_cache(maxsize=256)

@@ -301,7 +301,7 @@ def torque_signals(structure: Structure) -> list[TorqueSignal]:
         *((one.name, one.bodies) for one in structure.of_kind("varying_inertia", "slider_crank")),
         *((name, mesh.bodies) for name, mesh in zip(structure.mesh_names, structure.meshes)),
         *((one.name, (one.sun, one.ring, one.carrier)) for one in structure.planetary_sets),
-        *((one.name, one.bodies) for one in structure.of_kind("relation")),
+        *((one.name, one.bodies) for one in structure.of_kind("relation", "variator")),
     ]
     return out + [
         TorqueSignal(

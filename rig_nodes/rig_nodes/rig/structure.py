@@ -27,7 +27,7 @@ def key_of(called: str) -> str:
     return called.lower().replace("-", "_").replace(" ", "_")
 
 
-Points = tuple[tuple[float, float], ...]  # points of a table: argument and value [SI]
+Points = tuple[tuple[float, ...], ...]  # points of a table: its one or two arguments, and the value [SI]
 
 
 @dataclass(frozen=True)
@@ -125,11 +125,11 @@ class Shaft:
 
 @dataclass(frozen=True)
 class Follows:
-    """A table over the "speed" or "angle" of what ``of`` names; period and angle are those of driveline.builder."""
+    """A table over the "speed" or "angle" of what ``of`` names, or over two quantities; all are those of driveline.builder."""
 
     table: Points
-    by: str = "speed"
-    of: str = ""
+    by: str | tuple[str, str] = "speed"
+    of: str | tuple[str | tuple[str, str], ...] = ""
     period: float = 0.0
     angle: float = 0.0
 
@@ -145,13 +145,13 @@ class Element:
     name : str
         Name of the element.
     kind : str
-        "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank" or "motion".
+        "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank", "motion" or "variator".
     bodies : tuple of str
         The bodies that it joins or acts on.
     coefficients : tuple of float
         Of a relation, one for each body.
     follows : Follows or None
-        Table of the torque, of the inertia, or of the capacity of a clutch or brake.
+        Table of the torque, of the inertia, of the ratio, or of the capacity of a clutch or brake.
     friction : tuple of (float, float)
         Slips [rad/s] and factors of the capacity.
     """

@@ -185,6 +185,7 @@ class _Planner:
             parts.SOURCE,
             parts.COUPLING,
             parts.MASS,
+            parts.LEVER,
             parts.LOAD,
             parts.LOSS,
         )
@@ -230,6 +231,8 @@ class _Planner:
                 "inertia": self.reduced(device.wires["body"]),
                 "mobility": self.mobility(device.wires["body"]),
             }
+        elif device.role == parts.LEVER:
+            start = {"position": values.rest}
         elif device.role == parts.MASS:
             derived = {"mobility": self.mobility(device.wires["body"])}
         elif device.role == parts.LOSS:
@@ -271,6 +274,7 @@ class _Planner:
             "turns_with": lambda: wires.get("turns_with", parts.NOWHERE),
             "driving": lambda: wires["driving"],
             "driven": lambda: wires["driven"],
+            "given": lambda: list(self.system.factors).index(wires["moves"]),
             "row": lambda: self.losses.index(device),
             "braked": lambda: structure.device(self.elsewhere(device)).wires["body"] if self.elsewhere(device) else wires["body"],
         }

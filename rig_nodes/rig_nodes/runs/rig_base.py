@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES, RigError, brief, meant
-from ..driveline import KIN1, WORST
+from ..driveline import ANGLE, KIN1, LAM, WORST
 from ..plant import (
     BY_DUTY,
     NONE,
@@ -242,11 +242,22 @@ class RigBase(ABC):
             first = self.watched.latched()[0]
             self.trip(first.sentence(self.watched.value(first), self.time), first.name)
         elif how == NOT_SETTLED:
-            plan, worst = self.world.plan, int(self.world.line["count"][WORST])
-            names = [*plan.system.elements, *(law.name for law in plan.system.laws)]
-            self.trip(not_settled(when, plan.driven, names[worst] if worst >= 0 else ""), UNSETTLED)
+            self.trip(not_settled(when, self.world.plan.driven, self._worst()), UNSETTLED)
         else:
             self.trip(not_finite(when, names, values), NO_NUMBER)
+
+    def _worst(self) -> str:
+        """Return the element that settled least and its values, in words; empty where none stands out."""
+        line, system, worst = self.world.line, self.world.plan.system, int(self.world.line["count"][WORST])
+        if worst < 0:
+            return ""
+        if worst < len(system.elements):
+            slip, torque = float(system.w[worst] @ line["v"]), float(line["el"][LAM, worst])
+            return f"'{system.elements[worst]}' with a slip of {slip:.4g} rad/s and {torque:.4g} Nm"
+        k = worst - len(system.elements)
+        law = system.laws[k]
+        at = f"{line['at'][k]:.4g} rad" if law.by == ANGLE else f"{float(law.of @ line['v']):.4g} rad/s"
+        return f"'{law.name}' at {at}"
 
     def _warn(self) -> None:
         """Keep the warnings of this sample until they are taken."""

@@ -42,7 +42,7 @@ def not_settled(when: str, driven: bool, worst: str) -> str:
     driven : bool
         True for a rig with tables that follow its motion.
     worst : str
-        Name of the element with the largest residual; empty where none stands out.
+        The element with the largest residual, with its values; empty where none stands out.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def not_settled(when: str, driven: bool, worst: str) -> str:
         The reason.
     """
     also = ", or what follows a table of the motion," if driven else ""
-    least = f", least of all '{worst}'" if worst else ""
+    least = f", least of all {worst}" if worst else ""
     return (
         f"{when} the friction of clutches and brakes{also} did not settle within a step{least}; a value of the rig is "
         "far from any real one, or its step too long"

@@ -29,12 +29,13 @@ if TYPE_CHECKING:
 PARTS = Group("parts", "part", __package__, "PART")
 # What a key of a part's ``joined`` names in a rig: "body", "bodies" (driving, driven), "one_way" (the same, and one of them may be
 # the ground), "drives" (a source or a coupling), "torque" (a torque meter, or "clutches" for the sum of the torques from the body
-# to clutches), "transducer", "output" (an output of the controller, from 1), "line" (the oil line that begins here), or a role of
-# devices.
+# to clutches), "transducer", "output" (an output of the controller, from 1), "line" (the oil line that begins here), "input" (an
+# input of the driveline that is a ratio), or a role of devices.
 BODY, BODIES, ONE_WAY, TORQUE, TRANSDUCER, OUTPUT, LINE = ("body", "bodies", "one_way", "torque", "transducer", "output", "line")
+INPUT = "input"
 DRIVES = "drives"  # a device that drives a shaft from one end: a source or a coupling
 # Roles of devices, by which a rig finds its devices. ``values`` are shared by devices and are not a device.
-SOURCE, COUPLING, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, MASS, VALUES = (
+SOURCE, COUPLING, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, MASS, LEVER, VALUES = (
     "source",
     "coupling",
     "load",
@@ -46,6 +47,7 @@ SOURCE, COUPLING, LOAD, CLUTCH, FREEWHEEL, VALVE, LOSS, OIL, PRESS, METER, MASS,
     "press",
     "meter",
     "mass",
+    "lever",
     "values",
 )
 
