@@ -104,6 +104,7 @@ NOT_WRITTEN = {
     "cubic stiffness": "N/m3",
     "wear rate": "m/J",
     "force per pressure squared": "N/Pa2",
+    "volume per pressure": "m3/Pa",
 }
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", re.DOTALL)
 

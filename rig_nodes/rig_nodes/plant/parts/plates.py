@@ -104,8 +104,7 @@ class PlatePack(PackGeometry):
         "length",
         0.0,
         0.1,
-        "Way of slip at the mean radius on which the contacts lose all but 1/e of the static friction that the speed takes from "
-        "them; 0 leaves the loss to film_time alone",
+        "Way of slip at the mean radius on which contacts lose all but 1/e of the static friction that the speed takes; 0 for none",
         0.0,
     )
 
