@@ -1,11 +1,16 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""`rig run` ends in order whatever becomes of its output or of the server of its processes, and leaves no process."""
+"""`rig run` ends in order whatever becomes of its output or of the server of its processes, and leaves no process.
+
+Where it cannot begin, it says so and has begun nothing.
+"""
 
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -68,3 +73,21 @@ def test_sigterm_ends_a_run_whose_processes_server_stands_still(tmp_path):
     assert code == 128 + signal.SIGTERM and "Traceback" not in output, output
     assert "ended by SIGTERM" in output
     traces.wait_gone()
+
+
+@pytest.mark.parametrize("files", [16, 40, 63])
+def test_too_few_open_files_are_named_before_anything_is_begun(tmp_path, files):
+    done = subprocess.run(
+        [
+            "/bin/sh",
+            "-c",
+            f'ulimit -n {files} && exec "$0" -P -m rig_nodes run demo --speed max --out {tmp_path / "run"}',
+            sys.executable,
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    needed = f"rig: {files} open files are too few for the processes of a rig, which need 64 (ulimit -n)"
+    assert (done.returncode, done.stderr.splitlines()) == (2, [needed]), done.stderr
+    assert not (tmp_path / "run").exists()

@@ -16,8 +16,10 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import errno
 import os
 import re
+import resource
 import signal
 import sys
 from pathlib import Path
@@ -225,6 +227,12 @@ def _answer(arguments: list[str], started: bool) -> int:
     except BrokenPipeError:
         _drop_output()  # the reader (head, less) has ended: this is not an error
         return 141
+    except OSError as error:
+        if error.errno not in (errno.EMFILE, errno.ENFILE):
+            raise
+        allowed = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        print(f"rig: {allowed} open files are too few for this (ulimit -n); what was begun is not finished", file=sys.stderr)
+        return 1
 
 
 def _drop_output() -> None:

@@ -14,6 +14,7 @@ import ctypes
 import importlib
 import json
 import os
+import resource
 import select
 import signal
 import socket
@@ -26,6 +27,7 @@ from ...base import RigError
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PRELOADED = "rig_nodes.nodes.preloaded"
 PR_SET_NAME = 15
+FILES = 64  # open files that this process needs for the lines to its processes; each of them needs fewer
 REPORTED = 2.0  # s from the end of a process to the server's word on how it ended
 UNREPORTED = 255  # exit code of a process whose server has ended too
 
@@ -38,8 +40,11 @@ def start_server() -> None:
     Raises
     ------
     RigError
-        When the server cannot be started.
+        When the server cannot be started, or too few files may be open.
     """
+    allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if allowed < FILES:
+        raise RigError(f"{allowed} open files are too few for the processes of a rig, which need {FILES} (ulimit -n)")
     get_context("forkserver").set_forkserver_preload([PRELOADED])
     resource_tracker.ensure_running()  # now, because its start would lift the mask
     # Stop signals wait until a process can handle them; the server passes the mask on to the process.
