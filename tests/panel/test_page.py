@@ -4,11 +4,16 @@
 """The operator's page in a real browser, against the real graph, by mouse and keyboard."""
 
 import io
+import os
+import signal
 import zipfile
+from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
+from browser import Browser
 
+from conftest import READY
 from rig_nodes.bags import Bag
 
 pytestmark = pytest.mark.against_the_clock
@@ -85,3 +90,62 @@ def test_a_sequence_runs_with_its_progress_and_is_aborted(page):
     page.until("!document.getElementById('abort').disabled")
     page.click("#abort")
     page.until("document.getElementById('sequence-said').textContent.startsWith(\"sequence 'demo' was cancelled\")")
+
+
+def test_a_fault_is_switched_on_and_off_and_the_bag_shows_both(page, panel, tmp_path):
+    switch = "button[aria-label='T_oil.offset']"
+    for state in ("on", "off"):
+        page.click(switch)
+        page.until(f'document.querySelector("{switch}").textContent === "{state}"')
+    with urlopen(f"{panel.origin}/bag.zip?token={panel.token}&name=second") as answer:
+        zipfile.ZipFile(io.BytesIO(answer.read())).extractall(tmp_path)
+    told = [name for *_, name, text, _ in Bag(tmp_path / "second").events() if text.startswith("T_oil.offset")]
+    assert told == ["fault_ordered", "fault_on", "fault_ordered", "fault_off"]
+
+
+def test_a_second_page_sees_and_does_what_the_first_does(page, panel):
+    page.write(field("motor.speed"), "750")
+    second = Browser(panel.url)
+    try:
+        second.until(f"document.querySelector('{field('motor.speed')}').value === '750'")
+        assert second.text("button[aria-label='T_oil.offset']") == "off", "it was told of the faults before it came"
+        second.write(field("motor.speed"), "800")
+        page.until(f"document.querySelector('{field('motor.speed')}').value === '800'")
+        second.click("#e_stop")
+        page.until(f"{STATE} === 'emergency stop'")
+        page.click("#reset")
+        second.until(f"{STATE} === 'ready'")
+        assert second.troubles == []
+    finally:
+        second.close()
+    page.until("document.getElementById('others').textContent.startsWith('Open pages: 1.')")
+
+
+def test_a_trip_of_the_pages_own_doing_is_named_and_reset(page):
+    page.click("[data-gear='1']")
+    page.until("document.querySelector('[data-gear=\"1\"]').getAttribute('aria-pressed') === 'true'")
+    page.click(field("motor.enabled"))
+    page.until("document.querySelector('.chip .value').textContent > 300")
+    page.write(field("oil_supply.pressure"), "0.2")  # which the clutches need
+    page.until(f"{STATE} === 'tripped'")
+    assert "pressure of oil_supply" in page.text("#reason")
+    page.until(
+        "[...document.querySelectorAll('#event-list .bad')].some((one) => one.textContent.includes('pressure of oil_supply'))"
+    )
+    page.write(field("oil_supply.pressure"), "4")
+    page.click("#reset")
+    page.until(f"{STATE} === 'ready' && document.getElementById('reason').hidden")
+
+
+def test_the_rig_is_started_again_under_the_page(page, panel):
+    children = Path(f"/proc/{panel.process.pid}/task/{panel.process.pid}/children").read_text().split()
+    rig = next(int(pid) for pid in children if b"\0run\0" in Path(f"/proc/{pid}/cmdline").read_bytes())
+    os.kill(rig, signal.SIGINT)
+    page.until(f"{STATE} === 'away' && !document.getElementById('start').hidden", 60)
+    page.until("document.getElementById('reason').textContent === 'the rig has ended'")
+    page.click("#start")
+    page.until(READY, 60)
+    assert page.js("document.querySelectorAll('#event-list li').length") < 5, "those of the rig before are gone"
+    page.write(field("motor.speed"), "500")
+    page.click(field("motor.enabled"))
+    page.until("document.querySelector('.chip .value').textContent > 400", 60)

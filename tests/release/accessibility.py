@@ -2,12 +2,13 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Looks with axe-core, in Chromium, at every page of the site that `./rig docs` built, light and dark.
+"""Looks with axe-core, in Chromium, at every page of the site that `./rig docs` built and at the operator's page, light and dark.
 
     pip download --no-deps --dest /tmp/axe axe-playwright-python    # the wheel holds axe.min.js
     ./rig docs && tests/release/accessibility.py /tmp/axe/*.whl
 
-It serves a copy of the site on loopback. Exit code 1 when something serious or critical is found, which is printed.
+It serves a copy of the site on loopback, and starts `rig panel` with faults. Exit code 1 when something serious or critical is
+found, which is printed.
 """
 
 import collections
@@ -22,7 +23,14 @@ import sys
 import tempfile
 import threading
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "panel"))
+
+from browser import Browser
+
+from conftest import READY, Panel
 
 SITE = Path(__file__).parents[2] / "docs" / "_build" / "html"
 AXE = "axe_playwright_python/axe.min.js"
@@ -32,6 +40,10 @@ RUN = (
     "one=>[one.impact,one.id,one.nodes.length,one.nodes[0].html.slice(0,120)]));document.body.append(out)}})</script></body>"
 )
 SCHEMES = {"light": "1", "dark": "0"}
+ON_PAGE = (
+    'axe.run(document,{resultTypes:["violations"]}).then(found=>found.violations.map('
+    "one=>[one.impact,one.id,one.nodes.length,one.nodes[0].html.slice(0,120)]))"
+)
 
 
 class Quiet(http.server.SimpleHTTPRequestHandler):
@@ -52,13 +64,35 @@ def looked_at(address: str, scheme: str) -> list[list]:
     return json.loads(html.unescape(found[1]))
 
 
+def found_on_panel(axe: str) -> Iterator[tuple[str, list]]:
+    """Yield scheme and findings, as of :func:`looked_at`, of the operator's page with all of its parts open."""
+    with tempfile.TemporaryDirectory() as folder:
+        panel = Panel(Path(folder), "hydmag", "--faults")
+        browser = Browser(panel.url)
+        try:
+            browser.until(READY, 200)
+            browser.click("[data-gear='1']")  # which is refused, as there is no oil yet
+            browser.until("document.querySelectorAll('#event-list li').length")
+            browser.js("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+            browser.call("Runtime.evaluate", expression=axe)
+            for _ in SCHEMES:
+                browser.click("#theme")
+                scheme = browser.js("document.documentElement.dataset.theme")
+                for one in browser.js(ON_PAGE):
+                    yield scheme, one
+        finally:
+            browser.close()
+            panel.close()
+
+
 def main(wheel: str) -> int:
     """Look at all pages; return the exit code."""
     counts: collections.Counter = collections.Counter()
     with tempfile.TemporaryDirectory() as folder:
         site = Path(folder) / "site"
         shutil.copytree(SITE, site)
-        (site / "axe.js").write_bytes(zipfile.ZipFile(wheel).read(AXE))
+        axe = zipfile.ZipFile(wheel).read(AXE)
+        (site / "axe.js").write_bytes(axe)
         pages = sorted(site.rglob("*.html"))
         for page in pages:
             up = "../" * (len(page.relative_to(site).parts) - 1)
@@ -74,7 +108,14 @@ def main(wheel: str) -> int:
                     if impact in ("serious", "critical"):
                         print(f"{page.relative_to(site)}, {scheme}: {impact}, {rule}, {places} places, e.g. {first}")
         server.shutdown()
-    print(f"{len(pages)} pages, light and dark: " + (", ".join(f"{n} {impact}" for impact, n in counts.items()) or "nothing"))
+        for scheme, (impact, rule, places, first) in found_on_panel(axe.decode()):
+            counts[impact] += places
+            if impact in ("serious", "critical"):
+                print(f"operator's page, {scheme}: {impact}, {rule}, {places} places, e.g. {first}")
+    print(
+        f"{len(pages)} pages and the operator's, light and dark: "
+        + (", ".join(f"{n} {impact}" for impact, n in counts.items()) or "nothing")
+    )
     return int(counts["serious"] + counts["critical"] > 0)
 
 

@@ -191,7 +191,7 @@ link.on("event", (message) => {
   const bad = /trip|refused|fail|abort|stop|lost/.test(message.name);
   at("event-list").prepend(make("li", {}, make("time", {}, `${message.t.toFixed(3)} s`), make("span", { class: bad ? "bad" : "" }, ` ${message.text || message.name}`)));
   while (at("event-list").children.length > MOST_EVENTS) at("event-list").lastChild.remove();
-  if (/^fault_/.test(message.name)) for (const [name, show] of faults) if (message.text.startsWith(name)) show(message.name);
+  if (/^fault_(on|off)$/.test(message.name)) for (const [name, show] of faults) if (message.text.startsWith(name)) show(message.name);
 });
 link.on("restart", () => at("event-list").replaceChildren());
 
@@ -239,7 +239,7 @@ function showFaults(all) {
           order(said, "fault", { order: on ? `${one.name}, off=true` : `${one.name}${wanted}` }, true);
         };
         faults.set(one.name, (event) => {
-          const on = event !== "fault_off";
+          const on = event === "fault_on";
           button.setAttribute("aria-pressed", String(on));
           button.textContent = on ? "on" : "off";
         });
