@@ -1,0 +1,45 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The operator's page of other rigs, for none of which it has a line of its own: each is driven, and a signal is seen to move."""
+
+import pytest
+from browser import Browser
+
+from conftest import Panel
+from rig_nodes.cli.main import main
+
+pytestmark = pytest.mark.against_the_clock
+SETPOINT = '[id="set {}"]'
+LONGER = pytest.mark.campaign
+
+
+@pytest.mark.parametrize(
+    ("rig", "device", "setting", "value", "signal", "least"),
+    [
+        ("three_speed", "motor", "speed", "600", "n_in", 500),
+        ("clutch_bench", "hydraulic_motor", "speed", "60", "n", 10),
+        pytest.param("frame_saw", "motor_drive", "speed", "300", "n_crank", 80, marks=LONGER),
+        pytest.param("chain_saw", "trigger", "throttle", "0.5", "throttle", 45, marks=LONGER),
+        pytest.param("new", "motor", "speed", "600", "n_in", 500, marks=LONGER),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_it_is_driven_from_its_page(tmp_path, rig, device, setting, value, signal, least):
+    if rig == "new":
+        rig = str(tmp_path / "new")
+        assert main(["new", "rig", rig]) == 0
+    panel = Panel(tmp_path, rig)
+    browser = Browser(panel.url)
+    try:
+        browser.until("document.getElementById('state').textContent === 'ready'", 200)
+        browser.write(SETPOINT.format(f"{device}.{setting}"), value)
+        browser.click(SETPOINT.format(f"{device}.enabled"))
+        moving = f"[...document.querySelectorAll('.chip')].find((one) => one.innerText.startsWith('{signal}'))"
+        browser.until(f"Number({moving}.querySelector('.value').textContent) > {least}")
+        assert browser.text("#driveline").strip(), "it has a picture of its own"
+        assert browser.js("[...document.querySelectorAll('#setpoints .bad')].every((one) => !one.textContent)")
+        assert browser.troubles == []
+    finally:
+        browser.close()
+        panel.close()
