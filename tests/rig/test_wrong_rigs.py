@@ -21,6 +21,20 @@ MESH = (
 SET = 'set_1: {sun: input, ring: ring, carrier: output, teeth: [40, 72], source: "assumed: 1 + 72/40 = 2.8 with the ring held"}'
 N_IN = "n_in: {type: speed, shows: input.speed, at: motor, range: [0 rpm, 3000 rpm]"
 
+NO_DRIVE = """\
+description: two bodies and a load
+step: [100 us, "x"]
+bodies:
+  a: {inertia: [1 kg m2, "x"]}
+  b: {inertia: [1 kg m2, "x"]}
+parts:
+  pump: {part: load_pump, called: load, body: b, displacement: [100 cm3/rev, "x"], mechanical_loss: [0.5 Nm, "x"],
+    pressure_time: [20 ms, "x"], pressure_limit: [25 MPa, "x"]}
+transducers:
+  n: {type: speed, shows: a.speed, at: pump, range: [0 rad/s, 300 rad/s], text: Speed of a.}
+instruments: {speed_range: [3600 rpm, "x"]}
+"""
+
 WRONG = {
     # the driveline
     "a loop of wheels": (MESH, MESH + MESH.replace("[35, 56]", "[36, 56]"), r"rig\.yaml:\d+: gear .* closes a loop"),
@@ -168,6 +182,12 @@ def test_a_wrong_rig_is_refused_in_one_sentence(tmp_path, what, capsys):
     assert "rig.yaml:" in error and "\n" not in error and "driveline:" not in error
     assert main(["check", str(into), "--picture", str(tmp_path / "picture.svg")]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1 and not (tmp_path / "picture.svg").exists()
+
+
+def test_a_rig_without_a_drive_is_refused_before_it_is_run(tmp_path):
+    (tmp_path / "rig.yaml").write_text(NO_DRIVE)
+    with pytest.raises(RigError, match=r"rig\.yaml:\d+: a rig needs a drive among its parts, e\.g\. part: dc_motor"):
+        load_rig(tmp_path)
 
 
 def test_there_are_at_least_forty_of_them():
