@@ -3,10 +3,6 @@
 
 """The operator's page as its user starts it, and a browser on it."""
 
-import os
-import re
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,38 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from browser import Browser
-
-START = re.compile(r"page of the rig in ROS domain (\d+): (http://[\d.]+:(\d+)/\?token=\S+)")
-
-READY = "document.getElementById('state').textContent === 'ready' && document.querySelector('[id=\"set motor.speed\"]').value"
-
-
-class Panel:
-    """A running `rig panel`."""
-
-    def __init__(self, folder: Path, *words: str):
-        """Starts it and waits for its address."""
-        env = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "rig_nodes", "panel", *words, "--no-open", "--port", "0"],
-            cwd=folder,
-            env=env,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        said = ""
-        while not (found := START.search(said)):
-            line = self.process.stdout.readline()
-            assert line, said
-            said += line
-        self.domain, self.url, self.port = int(found[1]), found[2], int(found[3])
-        self.origin, self.token = self.url.split("/?")[0], self.url.rpartition("=")[2]
-
-    def close(self) -> str:
-        """Ends it in order and returns what it has printed."""
-        self.process.send_signal(signal.SIGINT)
-        return self.process.communicate(timeout=60)[0]
+from started_panel import READY, Panel
 
 
 @pytest.fixture(scope="module")

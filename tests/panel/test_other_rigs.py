@@ -5,8 +5,8 @@
 
 import pytest
 from browser import Browser
+from started_panel import Panel
 
-from conftest import Panel
 from rig_nodes.cli.main import main
 
 pytestmark = pytest.mark.against_the_clock

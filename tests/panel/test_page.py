@@ -12,8 +12,8 @@ from urllib.request import urlopen
 
 import pytest
 from browser import Browser
+from started_panel import READY
 
-from conftest import READY
 from rig_nodes.bags import Bag
 
 pytestmark = pytest.mark.against_the_clock

@@ -29,8 +29,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1] / "panel"))
 
 from browser import Browser
-
-from conftest import READY, Panel
+from started_panel import READY, Panel
 
 SITE = Path(__file__).parents[2] / "docs" / "_build" / "html"
 AXE = "axe_playwright_python/axe.min.js"

@@ -39,7 +39,7 @@ def config_of_record(record: Mapping, where: str) -> RigConfig:
     Returns
     -------
     RigConfig
-        The configuration; its own record is the given one.
+        The configuration; its own record is the given one, with the defaults of settings that came since.
 
     Raises
     ------
@@ -51,10 +51,18 @@ def config_of_record(record: Mapping, where: str) -> RigConfig:
     except (RigError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise _other_version(where, f"{type(error).__name__}: {error}") from None
     ours = json.loads(json.dumps(config.as_dict()))
-    different = [key for key in sorted({*ours, *record}) if ours.get(key) != json.loads(json.dumps(record.get(key)))]
+    given = json.loads(json.dumps(dict(record)))
+    different = [key for key in sorted({*ours, *given}) if _known_to(given.get(key), ours.get(key)) != given.get(key)]
     if different:
         raise _other_version(where, f"{', '.join(different)} would be other than recorded")
     return config
+
+
+def _known_to(given: Any, ours: Any) -> Any:
+    """Return our values of a section without those that a record of an earlier version does not have."""
+    if isinstance(ours, dict) and isinstance(given, dict):
+        return {name: value for name, value in ours.items() if name in given}
+    return ours
 
 
 def _other_version(where: str, why: str) -> RigError:
