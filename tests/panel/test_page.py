@@ -145,7 +145,7 @@ def test_the_rig_is_started_again_under_the_page(page, panel):
     page.until("document.getElementById('reason').textContent === 'the rig has ended'")
     page.click("#start")
     page.until(READY, 60)
-    assert page.js("document.querySelectorAll('#event-list li').length") < 5, "those of the rig before are gone"
+    page.until("document.querySelectorAll('#event-list li').length < 5", 30)  # those of the rig before are gone
     page.write(field("motor.speed"), "500")
     page.click(field("motor.enabled"))
     page.until("document.querySelector('.chip .value').textContent > 400", 60)

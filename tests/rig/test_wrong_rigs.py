@@ -11,6 +11,7 @@ from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs import Rig
 from rig_nodes.runs.plan import plan_of
 
 THREE = (RIGS_DIR / "three_speed" / "rig.yaml").read_text()
@@ -22,17 +23,17 @@ SET = 'set_1: {sun: input, ring: ring, carrier: output, teeth: [40, 72], source:
 N_IN = "n_in: {type: speed, shows: input.speed, at: motor, range: [0 rpm, 3000 rpm]"
 
 NO_DRIVE = """\
-description: two bodies and a load
+description: two bodies and a free-wheel
 step: [100 us, "x"]
 bodies:
   a: {inertia: [1 kg m2, "x"]}
   b: {inertia: [1 kg m2, "x"]}
 parts:
-  pump: {part: load_pump, called: load, body: b, displacement: [100 cm3/rev, "x"], mechanical_loss: [0.5 Nm, "x"],
-    pressure_time: [20 ms, "x"], pressure_limit: [25 MPa, "x"]}
+  free: {part: freewheel, joins: [a, b]}
 transducers:
-  n: {type: speed, shows: a.speed, at: pump, range: [0 rad/s, 300 rad/s], text: Speed of a.}
-instruments: {speed_range: [3600 rpm, "x"]}
+  n: {type: speed, shows: a.speed, at: free, range: [0 rad/s, 300 rad/s], text: Speed of a.}
+instruments: {speed_range: [3600 rpm, "x"], speed_gate: [2 ms, "x"], hum_frequency: [50 Hz, "x"], anti_alias: [1 kHz, "x"],
+  resolution_bits: [12 -, "x"]}
 """
 
 WRONG = {
@@ -186,8 +187,8 @@ def test_a_wrong_rig_is_refused_in_one_sentence(tmp_path, what, capsys):
 
 def test_a_rig_without_a_drive_is_refused_before_it_is_run(tmp_path):
     (tmp_path / "rig.yaml").write_text(NO_DRIVE)
-    with pytest.raises(RigError, match=r"rig\.yaml:\d+: a rig needs a drive among its parts, e\.g\. part: dc_motor"):
-        load_rig(tmp_path)
+    with pytest.raises(RigError, match=r"cannot be run without a drive among its parts, e\.g\. part: dc_motor"):
+        Rig(load_rig(tmp_path))
 
 
 def test_there_are_at_least_forty_of_them():

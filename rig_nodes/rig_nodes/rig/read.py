@@ -495,14 +495,14 @@ class _Reader:
         return OwnPlot(str(title), tuple(node), over)
 
     def check_whole(self, structure: Structure) -> None:
-        """Check that a rig has a drive, and one with gears an input and an output; that a lever moves what nothing else moves."""
+        """Check that a rig with gears has an input, an output and a motor, and that a lever moves what nothing else moves."""
         ends = [key for key in ("input", "output") if key in self.node]
         if structure.gears and len(ends) < 2:
             raise self.wrong(
                 self.node, "gears", f"a rig with gears needs the keys input and output, found {', '.join(ends) or 'neither'}"
             )
-        if not structure.of_role(parts.SOURCE):
-            raise self.wrong(self.node, "parts", "a rig needs a drive among its parts, e.g. part: dc_motor")
+        if structure.gears and not structure.of_role(parts.SOURCE):
+            raise self.wrong(self.node, "gears", "a rig with gears needs a motor among its parts, e.g. part: dc_motor")
         known = [*inputs_read(structure.elements), *(one.name for one in structure.of_kind("torque", "variator"))]
         moved = dict.fromkeys(structure.inputs, "the table over time under inputs")
         for device in structure.of_role(parts.LEVER):

@@ -117,6 +117,8 @@ class Rig(CommandedRig, ShownState):
 
     def _build(self) -> None:
         config, structure = self.config, self.config.structure
+        if not structure.of_role(parts.SOURCE):
+            raise RigError(f"the rig '{config.name}' cannot be run without a drive among its parts, e.g. part: dc_motor")
         self.drive = structure.of_role(parts.SOURCE)[0].name
         planned = plan_of(config)
         self.build(
