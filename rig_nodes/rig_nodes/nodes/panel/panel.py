@@ -139,13 +139,9 @@ class Panel:
         self.values, self._health = {}, {}
         self.bench.health.clear()
         self.bench.listen(*self.about.topics())
-        self.shifts.forget()
+        self._restart()
         if self.about.shifts:
             self.shifts.prepare()
-        for page in self.pages:
-            if page.wish:
-                page.wish.restart()
-        self.wish()
         self.tell(self._rig())
         for node in sorted({one.owner for one in self.about.live.values()} - {CONTROLLER}) + [CONTROLLER] * self.about.shifts:
             task = asyncio.get_running_loop().create_task(self._ask_values(node))
@@ -165,7 +161,7 @@ class Panel:
             self._learn(found)
 
     def _restart(self) -> None:
-        """Time has begun again."""
+        """Time has begun again, of this rig or of another one in its place."""
         self.shifts.forget()
         self._events.clear()
         for page in self.pages:
