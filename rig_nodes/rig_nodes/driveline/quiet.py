@@ -74,6 +74,37 @@ def held(speed: tuple[float, ...], mode: Ints, w: Floats, work: Floats, orr: int
 
 
 @njit(**INLINED)
+def rounding(v: Floats) -> float:
+    """Return up to which slip [rad/s] an element counts as without slip, at these speeds."""
+    vmax = 0.0
+    for j in range(v.shape[0]):
+        vmax = max(vmax, abs(v[j]))
+    return 1e-12 * (1.0 + vmax)
+
+
+@njit(**INLINED)
+def pattern_of(mode: Ints, cap: Floats, slip: Floats, tol: float) -> tuple[float, bool]:
+    """Return the number of the set of stuck elements, and whether these prevent the slip of one that carries its limit.
+
+    The number is 0 where a mode (m,) is not one of this capacity and slip (m,), so that an event is possible.
+    """
+    pattern, bit, shared, fits = 1.0, 1.0, False, True
+    for f in range(mode.shape[0]):
+        mo = mode[f]
+        if has_capacity(cap, f):
+            if mo == STUCK:
+                pattern += bit
+            elif mo == LOCKED_HIGH or mo == LOCKED_LOW:
+                shared = True
+            elif (mo != FORWARD and mo != BACKWARD) or mo * slip[f] < -tol:
+                fits = False
+        elif mo != OPEN:
+            fits = False
+        bit *= 2.0
+    return (pattern if fits else 0.0), shared
+
+
+@njit(**INLINED)
 def shares_hold(mode: Ints, torque: Floats, w: Floats, orr: int, work: Floats) -> bool:
     """Return whether each element that carries its limit would exceed it by sticking too, at the torques (m,) of the start."""
     hold = True
@@ -137,32 +168,13 @@ def attempt(h: float, line: Record, before: int) -> int:
         predict_losses(loss)
     for k in range(loss.shape[0]):
         put_predicted(loss, cap, own[k], k)
-    vmax = 0.0
-    for j in range(n):
-        vmax = max(vmax, abs(v[j]))
-    tol = 1e-12 * (1.0 + vmax)
-    pattern = 1.0
-    bit = 1.0
-    shared = False  # whether stuck elements prevent the slip of one that carries its limit
+    tol = rounding(v)
     for f in range(m):
-        mo = mode[f]
         along = vector(w, f * n, v)
-        slip = dot(along, speed)
-        if has_capacity(cap, f):
-            if mo == STUCK:
-                pattern += bit
-            elif mo == LOCKED_HIGH or mo == LOCKED_LOW:
-                shared = True
-            elif (mo != FORWARD and mo != BACKWARD) or mo * slip < -tol:
-                return EVENT
-        elif mo != OPEN:
-            return EVENT
-        bit *= 2.0
-        torque = borne(cap, f, mo, int(0))
-        slip0[f] = slip
-        torque0[f] = torque
-        force = add(force, -(torque + cap[VISC, f] * slip), along)
-    if work[0] != pattern:
+        slip0[f], torque0[f] = dot(along, speed), borne(cap, f, mode[f], int(0))
+        force = add(force, -(torque0[f] + cap[VISC, f] * slip0[f]), along)
+    pattern, shared = pattern_of(mode, cap, slip0, tol)
+    if pattern == 0.0 or work[0] != pattern:
         return EVENT
     if stale(h, pattern, cap, work):
         implicit(h, w, cap, work)

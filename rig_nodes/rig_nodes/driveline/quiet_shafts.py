@@ -21,21 +21,31 @@ from rig_nodes.driveline.algebra import (
     HEAD,
     IMPULSE,
     LAM,
-    LOCKED_HIGH,
-    LOCKED_LOW,
     OPEN,
     RATE,
     RATE_OF,
     STUCK,
     TAU,
     VISC,
-    has_capacity,
     places,
 )
 from rig_nodes.driveline.collocation import EIGENVALUES, END, MEAN, MOMENT, NODES, PHASE, SHARES, TWICE
 from rig_nodes.driveline.collocation import WEIGHTS as OF_NODES
 from rig_nodes.driveline.losses import PREDICTED, predict_losses, put_predicted
-from rig_nodes.driveline.quiet import ATTEMPTS, CORRECTED, DONE, EVENT, NEAR, borne, held, holds, losses_met, shares_hold
+from rig_nodes.driveline.quiet import (
+    ATTEMPTS,
+    CORRECTED,
+    DONE,
+    EVENT,
+    NEAR,
+    borne,
+    held,
+    holds,
+    losses_met,
+    pattern_of,
+    rounding,
+    shares_hold,
+)
 from rig_nodes.driveline.small_vectors import add, dot, product, put, room, scaled, vector
 
 if TYPE_CHECKING:
@@ -156,29 +166,16 @@ def attempt(h: float, line: Record, before: int) -> int:
         predict_losses(loss)
     for k in range(loss.shape[0]):
         put_predicted(loss, cap, own[k], k)
-    vmax = 0.0
-    for j in range(n):
-        vmax = max(vmax, abs(v[j]))
-    tol = 1e-12 * (1.0 + vmax)
-    pattern, bit, shared = 1.0, 1.0, False
+    tol = rounding(v)
     for f in range(m):
-        mo = mode[f]
-        along = vector(w, f * n, v)
-        slip = dot(along, speed)
-        if has_capacity(cap, f):
-            if mo == STUCK:
-                pattern += bit
-            elif mo == LOCKED_HIGH or mo == LOCKED_LOW:
-                shared = True
-            elif (mo != FORWARD and mo != BACKWARD) or mo * slip < -tol:
-                return EVENT
-        elif mo != OPEN:
-            return EVENT
-        bit *= 2.0
         if not abs(work[HEAD + f] - cap[VISC, f]) <= NEARBY * work[HEAD + m + f]:
             return EVENT
-        slip0[f], torque0[f] = slip, borne(cap, f, mo, int(0))
-        force = add(force, -(torque0[f] + cap[VISC, f] * slip), along)
+        along = vector(w, f * n, v)
+        slip0[f], torque0[f] = dot(along, speed), borne(cap, f, mode[f], int(0))
+        force = add(force, -(torque0[f] + cap[VISC, f] * slip0[f]), along)
+    pattern, shared = pattern_of(mode, cap, slip0, tol)
+    if pattern == 0.0:
+        return EVENT
     if work[0] != pattern or work[1] != pattern or work[2] != h or work[RATE_OF] != pattern or h * work[RATE] > PHASE:
         return EVENT
     for a in range(sh.shape[0]):
