@@ -140,11 +140,15 @@ class Inertias:
         Inertia of the output side, with the load in the same way [kg m2].
     reduction : float
         Speed of the axis of ``driven`` divided by that of the output shaft.
+    wheels : float
+        The part of ``driving`` that lies between the input's torque meter and the clutches, which the meter's torque accelerates
+        [kg m2].
     """
 
     driving: float
     driven: float
     reduction: float = 1.0
+    wheels: float = 0.0
 
     @property
     def on_output(self) -> float:
@@ -344,8 +348,24 @@ def made_of(record: Mapping) -> Transmission:
     clutches = tuple(_clutch(one, structure, record, wiring) for one in structure.clutches)
     driving, one = tied_to(structure, inertias, ends[0], structure.shafts)
     driven, reduction = tied_to(structure, inertias, ends[1], structure.shafts)
-    both, shown = Inertias(driving * one**2, driven, reduction), ranges_of(structure, record)
+    both = Inertias(driving * one**2, driven, reduction, _wheels(structure, inertias, record))
+    shown = ranges_of(structure, record)
     return Transmission(structure.input, structure.output, clutches, tuple(gears), both, _yields(structure), shown)
+
+
+def _wheels(structure: Structure, inertias: Mapping[str, float], record: Mapping) -> float:
+    """Return the inertia between the torque meter of the input and the clutches, reduced to the input [kg m2].
+
+    Where the torque of a shaft is measured, it is all that toothed wheels tie to the input.
+    """
+    end = structure.input
+    shown = next((one.shows for one in structure.transducers if one.name == end.torque), "")
+    whole, speed = tied_to(structure, inertias, end.body)
+    for meter in structure.of_role(parts.METER):
+        if meter.name == shown:
+            own = record[meter.name]
+            return own["inertia"] if own["side"] == "within" else whole * speed**2 - own["inertia"]
+    return whole * speed**2
 
 
 def _yields(structure: Structure) -> str:
