@@ -1,13 +1,14 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the labels of a drawn figure hide; the tests of figures use it."""
+"""What the labels of a drawn figure hide and what strikes them through; the tests of figures use it."""
 
 import itertools
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.path import Path
 
 
 def hidden(figure: Figure) -> list[str]:
@@ -34,3 +35,18 @@ def hidden(figure: Figure) -> list[str]:
                     if box.contains(*point)
                 ]
     return found
+
+
+def struck(figure: Figure) -> list[str]:
+    """Returns the labels that a curve or a line crosses, each once."""
+    renderer, found = FigureCanvasAgg(figure).get_renderer(), []
+    for axes in figure.axes:
+        labels = [(text.get_text(), text.get_window_extent(renderer).padded(-1)) for text in axes.texts]
+        for line in axes.lines:
+            if line.get_linestyle() == "None":
+                continue  # points
+            whole = line.get_transform().transform(line.get_xydata())
+            for part in np.ma.clump_unmasked(np.ma.masked_array(whole[:, 1], ~np.isfinite(whole).all(axis=1))):
+                path = Path(whole[part])
+                found += [one for one, box in labels if len(path) > 1 and path.intersects_bbox(box, filled=False)]
+    return sorted(set(found))

@@ -18,7 +18,7 @@ from rig_nodes.analysis import asked_of_input, bounds_of, moments_of, phases_of,
 from rig_nodes.cli.main import main
 from rig_nodes.view import Pages, figure_of_shift
 
-from ..labels import hidden
+from ..labels import hidden, struck
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 CASES = ("good", "tie-up", "hole", "interrupted", "three gears")
@@ -124,7 +124,7 @@ def test_curves_differ_axes_have_ticks_and_labels_hide_nothing(runs, case):
         for axes in figure.axes:
             for ticks, (first, last) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
                 assert np.count_nonzero((ticks >= first) & (ticks <= last)) >= 4
-        assert hidden(figure) == []
+        assert hidden(figure) == [] == struck(figure)
         written = {text.get_text() for axes in figure.axes for text in axes.texts}
         curves = [curve for panel in described(run, number).panels for curve in panel.curves if curve.text]
         assert all({curve.text, curve.short} & written for curve in curves)

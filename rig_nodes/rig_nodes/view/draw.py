@@ -27,7 +27,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, LogLocator, MaxNLoca
 from ..analysis import INTERRUPTED
 from ..base import MAKER, atomic_write
 from .figure import DASHED, DOTTED, POINTS, SOLID
-from .labels import Labels, along, anywhere, around, beside
+from .labels import CURVE, NEARBY, NEXT_TO, Labels, along, anywhere, around, beside
 from .palette import DARK, GRID, GROUND, INK, LIGHT, LIMIT, MET, NOTE, ON_GRADE, RULE, with_variables
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from .figure import Column, Curve, Description, Panel, Stretch
 
-    Wishes = Callable[[tuple[float, float]], list[tuple[float, float, float]]]
+    Wishes = Callable[[tuple[float, float]], np.ndarray]
 
 DPI = 100
 WIDTH, PHONE = 1100, 370  # pixels of a figure, and of one whose columns stand one below the other
@@ -266,7 +266,8 @@ class _Drawing:
                 self._shade(axes)
                 shown = [_within(one, axis) for one in panel.curves if one.column in (None, place)]
                 self._curves(axes, panel, shown)
-                self._words(axes, panel, shown, (width, self.of.high), place)
+                labels = self._words(axes, panel, shown, (width, self.of.high), place)
+                self._rules(axes, labels)
             left += width + GUTTER
 
     def _frame(self, axes: Axes, panel: Panel, first: bool, last: bool, column: Column) -> None:
@@ -290,17 +291,25 @@ class _Drawing:
             hatch = "////" if one.kind == INTERRUPTED else None
             look = {"facecolor": colours[one.kind], "edgecolor": colours[GROUND] if hatch else "none", "linewidth": 0}
             axes.axvspan(one.start, one.end, hatch=hatch, hatch_linewidth=1.2, zorder=0.5, **look)
+
+    def _rules(self, axes: Axes, labels: Labels) -> None:
+        """Draw the lines between the phases and that of zero, but not behind labels."""
+        colours, still = self.palette, {"scalex": False, "scaley": False}
+        foot, zero = axes.get_ylim()[0], axes.transData.transform((axes.get_xlim()[0], 0.0))[1] - axes.bbox.y0
+        if 0.0 < zero < labels.height:
+            x, look = labels.gaps(zero, upright=False), {"color": colours[RULE], "linewidth": 0.6, "zorder": 0.9}
+            axes.plot(x, [0.0] * len(x), transform=axes.get_yaxis_transform(), **still, **look)
         for one in self.of.moments:
+            y = labels.gaps(axes.transData.transform((one.t, foot))[0] - axes.bbox.x0, upright=True)
             look = {"color": colours[LIMIT], "linewidth": 1.0} if one.limit else {"color": colours[RULE], "linewidth": 0.7}
-            axes.axvline(one.t, linestyle=(0, (4, 3)), zorder=0.8, **look)
+            look |= {"linestyle": (0, (4, 3)), "zorder": 0.8}
+            axes.plot([one.t] * len(y), y, transform=axes.get_xaxis_transform(), **still, **look)
 
     def _curves(self, axes: Axes, panel: Panel, shown: Sequence[Curve]) -> None:
         colours = self.palette
         for one in panel.hatches:
             look = {"facecolor": "none", "edgecolor": colours[NOTE], "hatch": "////", "linewidth": 0}
             axes.fill_between(one.t, one.y, 0.0, zorder=1.5, **look)
-        if axes.get_ylim()[0] < 0.0 < axes.get_ylim()[1]:
-            axes.axhline(0.0, color=colours[RULE], linewidth=0.6, zorder=0.9)
         for one in panel.levels:
             style = DASHES[DASHED if one.limit else DOTTED]
             axes.axhline(one.y, color=colours[LIMIT if one.limit else INK], linewidth=1.0, linestyle=style)
@@ -316,8 +325,8 @@ class _Drawing:
 
     # ---- labels
 
-    def _words(self, axes: Axes, panel: Panel, shown: Sequence[Curve], room: tuple[float, int], place: int) -> None:
-        """Write the labels of a plot, those with a point first."""
+    def _words(self, axes: Axes, panel: Panel, shown: Sequence[Curve], room: tuple[float, int], place: int) -> Labels:
+        """Write the labels of a plot, those with a point first, and return where they are."""
         labels = Labels(*room)
         wide, column = place == len(self.of.columns) - 1, panel.across or self.of.columns[place]
         corner = axes.bbox.x0, axes.bbox.y0
@@ -330,10 +339,12 @@ class _Drawing:
             labels.curve(x, y)
         heights = {id(one): float(pixels(column.first, one.y)[1, 0]) for one in panel.levels}
         for y in heights.values():
-            labels.line(0, y, labels.width, y)
+            labels.level(y)
+        if not panel.log:
+            labels.thin(float(pixels(column.first, 0.0)[1, 0]), upright=False)
         for one in self.of.moments:
             x = float(pixels(one.t, panel.rings[0].y if panel.rings else axes.get_ylim()[0])[0, 0])
-            labels.line(x, 0, x, labels.height)
+            labels.thin(x)
             if one.limit and panel is self.of.panels[-1] and self._shows(one.t, place):
                 self._label(axes, labels, (one.text,), LIMIT, lambda size, x=x: beside(x, size, labels.height))
         for one in panel.hatches:
@@ -354,16 +365,17 @@ class _Drawing:
         whole = labels.width, labels.height
         if panel.note and place == 0:
             self._label(axes, labels, (panel.note,), NOTE, lambda size: anywhere(size, whole))
+        for one in panel.levels if wide else ():
+            x, y = np.array([0.0, labels.width]), np.full(2, heights[id(one)])
+            colour, gaps = (LIMIT, NEXT_TO) if one.limit else (INK, NEARBY)
+            self._label(axes, labels, (one.text,), colour, lambda size, x=x, y=y, gaps=gaps: along(x, y, size, whole, 0.9, gaps))
         for one in shown:
             if one.text:
                 x, y = drawn[id(one)]
                 best = 0.9 if wide else 0.15
                 texts = (one.text, one.short) if wide else (one.short,)
                 self._label(axes, labels, texts, one.colour, lambda size, x=x, y=y, best=best: along(x, y, size, whole, best))
-        for one in panel.levels if wide else ():
-            x, y = np.array([0.0, labels.width]), np.full(2, heights[id(one)])
-            colour = LIMIT if one.limit else INK
-            self._label(axes, labels, (one.text,), colour, lambda size, x=x, y=y: along(x, y, size, whole, 0.9))
+        return labels
 
     def _shows(self, t: float, place: int) -> bool:
         """Return whether a column is the last one that holds a time, which is where a point of that time is named."""
@@ -380,16 +392,26 @@ class _Drawing:
         point: np.ndarray | None = None,
         weight: str = "normal",
     ) -> None:
-        """Write the first of some texts that has a place, at the best of its wishes; without one nothing is written."""
+        """Write the first of some texts that has a free place, whole or in two lines, or the one that lies over least."""
         shade, at = self.palette[colour], {"transform": axes.transAxes, "va": "bottom", "weight": weight}
-        for text in texts:
+        best: tuple[float, float, float, Text] | None = None
+        for text in itertools.chain.from_iterable((one, _halved(one)) for one in texts):
             drawn = axes.text(0.0, 0.0, text, fontsize=8.5, color=shade, **at)
             size = self.size(drawn)
-            if (found := labels.place(*size, wishes(size))) is not None:
+            found = labels.best(*size, wishes(size))
+            if found is not None and (best is None or found[0] < best[0]):
+                if best is not None:
+                    best[-1].remove()
+                best = *found, drawn
+            else:
+                drawn.remove()
+            if best is not None and best[0] < CURVE:
                 break
-            drawn.remove()
-        else:
+        if best is None:
             return
+        _, *found, drawn = best
+        size = self.size(drawn)
+        labels.take(found[0], found[1], *size)
         drawn.set_position((found[0] / labels.width, found[1] / labels.height))
         if point is not None:
             x = min(max(point[0], found[0] - 2), found[0] + size[0] + 2)
@@ -404,6 +426,15 @@ class _Drawing:
 def _name(panel: Panel) -> str:
     """Return the title of a plot's axis with its unit."""
     return f"{panel.title} [{panel.unit}]" if panel.unit else panel.title
+
+
+def _halved(text: str) -> str:
+    """Return a text in two lines of much the same length; one that has lines, or a single word, as it is."""
+    spaces = [at for at, sign in enumerate(text) if sign == " "]
+    if "\n" in text or not spaces:
+        return text
+    middle = min(spaces, key=lambda at: abs(2 * at - len(text)))
+    return f"{text[:middle]}\n{text[middle + 1 :]}"
 
 
 def _kept(text: str) -> str:
