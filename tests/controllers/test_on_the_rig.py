@@ -21,7 +21,7 @@ from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.simulation import advance_with, simulate
-from rig_nodes.studies.benchmark.step_cost import controllers_table, format_table
+from rig_nodes.studies.benchmark.step_cost import controllers_table
 
 from .conftest import PYTHON
 
@@ -367,4 +367,3 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
 def test_the_cost_of_each_plug_is_measured(config):
     for cost in controllers_table(config, steps=100):
         assert cost.missing or 1.0 < cost.median_us <= cost.p99_us
-    assert len(format_table([cost]).splitlines()) == 2

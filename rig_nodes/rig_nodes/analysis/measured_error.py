@@ -128,9 +128,7 @@ def uncertainty(
     return basis.found
 
 
-def engagement_uncertainty(
-    row: dict, instruments: dict[str, Instrument], transmission: Transmission, period: float = ROW
-) -> dict[str, float]:
+def engagement_uncertainty(row: dict, instruments: dict[str, Instrument], transmission: Transmission) -> dict[str, float]:
     """Return the largest errors of a row of engagement.engagement_metrics, as :func:`uncertainty` does.
 
     Only values that were found have an error. Pressures have the transducer's error. The kiss pressure also has the growth of the
@@ -142,7 +140,7 @@ def engagement_uncertainty(
     ----------
     row : dict
         Row of engagement.engagement_metrics.
-    instruments, transmission, period
+    instruments, transmission
         As for :func:`uncertainty`.
 
     Returns
@@ -152,7 +150,7 @@ def engagement_uncertainty(
     """
     torque, speed = instruments["torque"].error, instruments["speed"].error
     pressure = max(instruments[clutch.pressure].error for clutch in transmission.engaged(row["gear"]))
-    ends = period + 0.5 * TORQUE_SPEED_MEAN
+    ends = ROW + 0.5 * TORQUE_SPEED_MEAN
     found = {"input_torque_mean_nm": torque, "p_rest": pressure, "p_end": pressure, "hold_pressure": pressure, "p_kiss": pressure}
     if row["engagement_peak_nm"] is not None:
         found["engagement_peak_nm"] = torque + 0.5 * TORQUE_SPEED_MEAN * row["engagement_peak_nm"] / STEEP_RISE

@@ -24,6 +24,7 @@ SLIPS = 0.2  # rad/s, two steps of the speed sensor
 TORQUE_MEAN = 2e-3  # s; the laboratory's 20 samples (Annex A)
 PRESSURE_MEAN = 20e-3  # s
 BEFORE = 0.1  # s before the slip over which pressure and travel are averaged
+SETTLE, STAY = 0.3, 0.5  # s between a change of pressure and a step of the cylinder bench, and length of the step
 AFTER = 20e-3  # s, the speed sensor's gate: the torque peak may lie up to this time after the speed shows the slip
 MODELS = ("thesis", "osinski", "traditional")
 LEAST_TESTS = 3  # smallest number of tests for a line
@@ -125,10 +126,10 @@ def slip_line(tests: list[dict], pack: PackGeometry, friction: float, friction_s
     }
 
 
-def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+def cylinder_line(logged: Logged) -> tuple[np.ndarray, np.ndarray]:
     """Return pressure and force at the steps of a rising pressure of the cylinder bench, 8.2.2.
 
-    A step is a time of ``stay`` in which the pressure stays within 0.02 MPa, beginning ``settle`` after it was reached. Steps of a
+    A step is a time of STAY in which the pressure stays within 0.02 MPa, beginning SETTLE after it was reached. Steps of a
     falling pressure, where seals and guide rings hold in the other direction, are left out: (8.2) is read as the line of rising
     pressure.
 
@@ -136,10 +137,6 @@ def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tup
     ----------
     logged : Logged
         The bench's channels.
-    settle : float
-        Time between the change of pressure and the step [s].
-    stay : float
-        Length of a step [s].
 
     Returns
     -------
@@ -148,7 +145,7 @@ def cylinder_line(logged: Logged, settle: float = 0.3, stay: float = 0.5) -> tup
     force : (n,) array of float
         F_p [N].
     """
-    rows, wide = round(stay / logged.period), round(settle / logged.period)
+    rows, wide = round(STAY / logged.period), round(SETTLE / logged.period)
     pressure = running_mean(logged.channels["pressure"], max(1, round(PRESSURE_MEAN / logged.period)))
     force = logged.channels["force"]
     found, at = [], 0

@@ -12,11 +12,12 @@ import json
 import math
 import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from .sequence_numbers import Numbers, holes, lives_of
 
 UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexError)  # exceptions that an invalid record may raise
 SHIFTED = 1e-7  # s; a stamp that is later than the time of its row by more than this is not so by rounding
+T = TypeVar("T")
 _PLACES = 40  # bits of a message's place in its file
 _LENGTH = struct.Struct("<I")
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
@@ -184,23 +186,17 @@ class Bag(Messages):
         try:
             return rig_record(stored, self.types)
         except UNREADABLE as error:
-            raise self.no_rig(error) from None
+            raise self._no_rig(error) from None
 
     @cached_property
     def structure(self) -> Structure:
         """The structure of the bag's rig; BagError is raised when the bag's record is invalid."""
-        try:
-            return structure_of(self.record["structure"])
-        except UNREADABLE as error:
-            raise self.no_rig(error) from None
+        return self.of_rig(lambda record: structure_of(record["structure"]))
 
     @cached_property
     def catalogue(self) -> Catalogue:
         """Topics and signals of the bag's rig; BagError is raised when the bag's record is invalid."""
-        try:
-            return catalogue(self.record)
-        except UNREADABLE as error:
-            raise self.no_rig(error) from None
+        return self.of_rig(catalogue)
 
     @cached_property
     def _known(self) -> Catalogue | None:
@@ -213,12 +209,16 @@ class Bag(Messages):
     @cached_property
     def transmission(self) -> Transmission:
         """Gears, clutches and shafts of the bag's rig; BagError is raised when the bag does not record a rig with gears."""
-        try:
-            return transmission_of(self.record)
-        except UNREADABLE as error:
-            raise self.no_rig(error) from None
+        return self.of_rig(transmission_of)
 
-    def no_rig(self, error: Exception) -> BagError:
+    def of_rig(self, made: Callable[[Mapping], T]) -> T:
+        """Return what a function makes of the record of the bag's rig; BagError is raised when that is invalid."""
+        try:
+            return made(self.record)
+        except UNREADABLE as error:
+            raise self._no_rig(error) from None
+
+    def _no_rig(self, error: Exception) -> BagError:
         """Return the error to raise when the bag's record of its rig is invalid."""
         if isinstance(error, BagError):
             return error

@@ -330,8 +330,3 @@ def run_repeat(series: Series, repeat: int, rig: str | None = None, settings: di
     """Run one repeat of a series, counted from 0, with the rig and settings of :func:`prepare`."""
     config, sequence = prepare(series, rig, settings)
     return record(config, sequence, series.first_seed + repeat, period=series.period)
-
-
-def run_series(series: Series, rig: str | None = None, settings: dict[str, str] | None = None) -> list[Run]:
-    """Run all repeats of a series, each with a seed of its own, with the rig and settings of :func:`prepare`."""
-    return [run_repeat(series, repeat, rig, settings) for repeat in range(series.repeats)]

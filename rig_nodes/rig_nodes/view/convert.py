@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..analysis import REPORT_FILE, SMALL, build_report, gather, gathering, is_of, read_report, with_ends
-from ..bags import CUT_OFF, NO_REPORT, PIECE, UNREADABLE, Bag, Numbers, OpenedBags, orders_in, recovered
+from ..bags import CUT_OFF, NO_REPORT, PIECE, Bag, Numbers, OpenedBags, orders_in, recovered
 from ..base import RigError, optional, unknown
 from . import layout
 from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
@@ -232,7 +232,7 @@ class _Source:
         self.index, self.bag, self.window = index, run, window
         self.damaged = False  # known when the whole bag was read
         self.small = _small(index)
-        self.pages = _pages(self.small)
+        self.pages = self.small.of_rig(Pages)
         self.names, self.own = _names(self.pages, index, self.small)
         self.events = self.small.events()
         self.report, self.run, self.notes = _report(self.small)
@@ -371,18 +371,10 @@ def _send_texts(rr: ModuleType, rec: RecordingStream, source: _Source, report: d
         rec.log(place, rr.TextDocument(document, media_type="text/markdown"), static=True)
 
 
-def _pages(small: Bag) -> Pages:
-    """Return the pages of the bag's rig; BagError when the bag's record is invalid."""
-    try:
-        return Pages(small.record)
-    except UNREADABLE as error:
-        raise small.no_rig(error) from None
-
-
 def _lacks(index: OpenedBags) -> tuple[list[str], bool]:
     """Return sentences on what the view does not show of the bag, with the reasons, and True when that is cut off or damaged."""
     _, cut = index.end()
-    others = index.not_of(_pages(_small(index)).known.all_topics)
+    others = index.not_of(_small(index).of_rig(Pages).known.all_topics)
     left_out = [f"not shown, as no signals of the rig come from them: {', '.join(others)}"] * bool(others)
     return [cut] * bool(cut) + index.notes + index.holes_in_time + left_out, bool(cut or index.damage)
 

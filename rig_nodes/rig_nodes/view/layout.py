@@ -405,9 +405,7 @@ def _states(pages: Pages, present: set[str], title: str, names: Iterable[str], a
     return [rrb.StateTimelineView(name=title, origin="/", contents=contents, time_view=axis)]
 
 
-def _plots(
-    pages: Pages, present: set[str], plots: Iterable[tuple[str, Sequence[str]]], axis: rrb.TimeAxis, legend: bool = True
-) -> list:
+def _plots(pages: Pages, present: set[str], plots: Iterable[tuple[str, Sequence[str]]], axis: rrb.TimeAxis) -> list:
     import rerun.blueprint as rrb
 
     views = []
@@ -418,11 +416,7 @@ def _plots(
             unit = pages.signal(names[0]).display_unit
             views.append(
                 rrb.TimeSeriesView(
-                    name=f"{title} [{unit}]",
-                    origin="/",
-                    contents=contents,
-                    axis_x=axis,
-                    plot_legend=rrb.PlotLegend("RightTop", visible=legend),
+                    name=f"{title} [{unit}]", origin="/", contents=contents, axis_x=axis, plot_legend=rrb.PlotLegend("RightTop")
                 )
             )
     return views

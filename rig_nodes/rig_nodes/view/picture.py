@@ -59,9 +59,7 @@ def require_driver() -> Path:
     return driver
 
 
-def take_picture(
-    view: Path, picture: Path, size: tuple[int, int] = SIZE, longest: float = LONGEST, light: bool = False
-) -> list[str]:
+def take_picture(view: Path, picture: Path, longest: float = LONGEST, light: bool = False) -> list[str]:
     """Draw a view into a PNG and return what the viewer reports, as sentences.
 
     Parameters
@@ -70,8 +68,6 @@ def take_picture(
         File of the view.
     picture : Path
         The PNG to write.
-    size : (int, int)
-        Width and height [px].
     longest : float
         Time limit [s].
     light : bool
@@ -87,7 +83,7 @@ def take_picture(
     RigError
         When there is no software Vulkan driver, the picture cannot be written, or the viewer does not finish in time.
     """
-    with HeadlessViewer(str(view), size, longest) as viewer:
+    with HeadlessViewer(str(view), longest=longest) as viewer:
         image = viewer.image()
         reports = viewer.reports()
     if light:

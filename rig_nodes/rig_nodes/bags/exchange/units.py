@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 from ...base import UNITS
 
@@ -40,18 +41,16 @@ _BEHIND = (
 )
 
 
-def unit_of(text: str) -> str | None:
-    """Return the unit as base.units writes it; None when it is unknown."""
+def unit_of(text: str, known: Collection[str] = UNITS) -> str | None:
+    """Return the unit as base.units or another table of units writes it; None when it is unknown there."""
     text = text.strip().strip("[]()").strip()
     text = ALIASES.get(text, text)
-    return text if text in UNITS else None
+    return text if text in known else None
 
 
 def time_unit_of(text: str) -> str | None:
     """Return the unit of times as TIME_UNITS writes it; None for anything else."""
-    text = text.strip().strip("[]()").strip()
-    text = ALIASES.get(text, text)
-    return text if text in TIME_UNITS else None
+    return unit_of(text, TIME_UNITS)
 
 
 def split_head(head: str) -> tuple[str, str]:

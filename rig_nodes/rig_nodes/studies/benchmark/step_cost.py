@@ -148,12 +148,3 @@ def _free_port() -> int:
 def controllers_table(config: RigConfig, steps: int = STEPS) -> list[Cost]:
     """Return the cost of every plug, in the order of docs/how_to/controllers.md."""
     return [measure(case, config, steps) for case in CASES]
-
-
-def format_table(costs: list[Cost]) -> str:
-    """Return the table for people."""
-    lines = [f"{'plug':<28}{'us per step':>12}{'99 % below':>12}"]
-    for cost in costs:
-        numbers = cost.missing or f"{cost.median_us:>12.1f}{cost.p99_us:>12.1f}"
-        lines.append(f"{cost.plug:<28}{numbers}")
-    return "\n".join(lines)
