@@ -114,8 +114,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     """Run every test: some folders in parallel, then those against the clock, the others beside both; then failed files again."""
     began, counts, codes, times = time.monotonic(), Counter(), [], ""
     shutil.rmtree(root / PARTS, ignore_errors=True)  # pytest would keep failed tests that have another name now
-    plants = {RIGS_PRELOADED: json.dumps([DEFAULT_RIG, "clutch_bench"])}  # otherwise two parts would compile them at once
-    subprocess.run([sys.executable, "-m", "rig_nodes.runs.preloaded"], env=env | plants, cwd=root)
+    plants = {RIGS_PRELOADED: json.dumps([DEFAULT_RIG, "clutch_bench"])}
     first, beside, clock = parts_of(root)
     cores = len(os.sched_getaffinity(0))
     at_a_time = min(cores + 1, MOST_PARTS)
@@ -151,6 +150,8 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
     with ThreadPoolExecutor(at_a_time) as together, ThreadPoolExecutor(at_a_time) as below, ThreadPoolExecutor(at_a_time) as after:
         try:
             others = {name: below.submit(run, name, True) for name in beside}
+            # compiled before the first parts begin, whose processes have time limits, and after what needs only a core that is idle
+            subprocess.run([sys.executable, "-m", "rig_nodes.runs.preloaded"], env=env | plants, cwd=root)
             for name, (output, code) in zip(first, together.map(run, first)):
                 show(name, output, code)
             if clock:
