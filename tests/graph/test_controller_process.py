@@ -149,7 +149,11 @@ def other_topics(folder, spec="alfa46", sequence=SHORT):
             marks=[pytest.mark.against_the_clock, pytest.mark.campaign],
         ),
         pytest.param(
-            "out->message[0] = 33; return RIG_ERROR;", (), "sample 500: status error: !", 0.107, marks=pytest.mark.against_the_clock
+            "out->message[0] = 33; return RIG_ERROR;",
+            (),
+            "sample 500: status error: !",
+            0.107,
+            marks=[pytest.mark.against_the_clock, pytest.mark.campaign],
         ),
         pytest.param("for (;;);", (), "sample 500: no answer for 90 ms", 0.107, marks=pytest.mark.against_the_clock),
     ],

@@ -22,8 +22,10 @@ from std_srvs.srv import Trigger
 from rig_nodes.bags.reader import Bag
 from rig_nodes.nodes.processes.result import facts_of, lost_messages
 
-# in lockstep too, because the order must not reach the box before its process is stopped
 pytestmark = pytest.mark.against_the_clock
+# test_by_hand.py and test_refused_orders.py stop, cancel and refuse orders in real time; in lockstep, in addition, the order must
+# not reach the box before its process is stopped
+REAL_TIME = pytest.param(None, marks=pytest.mark.campaign)
 
 RPM = math.pi / 30.0
 LONG = """
@@ -36,7 +38,7 @@ steps:
 """
 
 
-@pytest.fixture(scope="module", params=[None, 1.0], ids=["real time", "lockstep"])
+@pytest.fixture(scope="module", params=[REAL_TIME, 1.0], ids=["real time", "lockstep"])
 def graph(request, tmp_path_factory):
     # a small pump, for which 500 Nm at rest would need 59 MPa, more than the rig takes
     graph = Graph(

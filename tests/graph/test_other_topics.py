@@ -56,9 +56,10 @@ def time_of(message):
     return message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
 
 
-@pytest.fixture(
-    scope="module", params=[pytest.param(None, marks=pytest.mark.against_the_clock), 1.0], ids=["real time", "lockstep"]
-)
+REAL_TIME = pytest.param(None, marks=(pytest.mark.against_the_clock, pytest.mark.campaign))  # the recorder is the same in both
+
+
+@pytest.fixture(scope="module", params=[REAL_TIME, 1.0], ids=["real time", "lockstep"])
 def bag(request, tmp_path_factory):
     """The bag of a run during which a user's nodes published."""
     graph = Graph(tmp_path_factory.mktemp("graph") / "others", speed=request.param, recording=("--exclude", "/secret/.*"))

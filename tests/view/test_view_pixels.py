@@ -205,12 +205,12 @@ def test_a_light_picture_has_dark_letters_and_the_same_curves():
 
 
 def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):
-    picture = tmp_path / "other.png"
-    assert main(["view", str(run), "--window", "1.2,2.6", "--tab", "other", "--picture", str(picture)]) == 0
+    picture = tmp_path / "run.png"
+    assert main(["view", str(run), "--window", "1.2,2.6", "--tab", "run", "--picture", str(picture)]) == 0
     assert KINDS["png"].own(picture.read_bytes(), picture), "a later picture would be refused this name"
     image = image_of(picture.read_bytes())
-    assert image.shape == tabs["other"].whole.shape and (image != tabs["other"].whole).mean() > 0.02
-    assert curve_pixels(image, PAGES.colour("T_oil")) > 100, "the oil's temperature is in this tab"
+    assert image.shape == tabs["run"].whole.shape and (image != tabs["run"].whole).mean() > 0.02
+    assert curve_pixels(image, PAGES.colour(WARM[1][0])) > 100, "the plates' temperature is in this tab"
 
 
 def test_a_killed_command_leaves_no_viewer(recorded, tmp_path):
