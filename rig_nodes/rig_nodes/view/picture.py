@@ -182,7 +182,7 @@ class HeadlessViewer:
         while True:
             try:
                 return [(view.name, self.screenshot(view.view_id)) for view in self.state().views if wanted(view.name)]
-            except RuntimeError as error:  # the viewer has meanwhile received a layout with other views
+            except (RuntimeError, ConnectionError) as error:  # the viewer has meanwhile received a layout with other views
                 if "not found" not in str(error) or self.process.poll() is not None:
                     raise
 
