@@ -225,7 +225,7 @@ def test_a_gears_torque_wants_one_of_its_bodies():
 
 
 def test_elements_that_a_description_does_not_use_have_no_compiled_code():
-    """A process that runs only clutches and shafts neither compiles nor loads anything for losses, tables and motions."""
+    """A process that runs only clutches and shafts neither compiles nor loads anything for tables and motions."""
     code = """
 from rig_nodes.driveline.builder import Driveline
 from rig_nodes.driveline.kernel import driveline_step
@@ -233,7 +233,7 @@ from rig_nodes.driveline.law_steps import run_laws, settled_step
 from rig_nodes.driveline.run import run
 
 def compiled():
-    print([str(one[4]) for one in driveline_step.signatures], len(settled_step.signatures), len(run_laws.signatures))
+    print(len(driveline_step.signatures), len(settled_step.signatures), len(run_laws.signatures))
 
 d = Driveline()
 for name in "abc":
@@ -248,4 +248,4 @@ run(d.build(), 0.1, 1e-3, {"a": 5.0, "k": 2.0})
 compiled()
 """
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
-    assert out == ["['none'] 0 0", "['none', 'array(float64, 2d, C)'] 1 1"]
+    assert out == ["1 0 0", "1 1 1"]

@@ -229,11 +229,6 @@ def test_a_dual_clutch_shifts_between_gears_that_dog_clutches_hold_too(dual, tmp
     assert "gear 2: C2, dog_2, ratio 2" in capsys.readouterr().out
     assert main(["simulate", "demo", "--rig", str(dual), "--out", str(tmp_path / "out")]) == 0
     assert shifts(str(tmp_path / "out")) == [(1, 2)]
-    mine = tmp_path / "mine"
-    assert main(["controller", "new", "python", str(mine), "--rig", str(dual)]) == 0
-    spec = f"python:{mine / 'my_controller.py'}:MyController"
-    assert main(["simulate", "demo", "--rig", str(dual), "--controller", spec, "--out", str(tmp_path / "own")]) == 0
-    assert shifts(str(tmp_path / "own")) == [(1, 2)]
 
 
 def test_a_gear_of_dog_clutches_alone_is_refused(dual, tmp_path):

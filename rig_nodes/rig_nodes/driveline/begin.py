@@ -95,9 +95,7 @@ def mark(tol: float, w: Floats, state: State, at: Places) -> None:
 
 
 @njit(**STAGE)
-def begin_step(
-    t: float, structure: Structure, cap: Floats, loss: Floats | None, state: State, at: Places
-) -> tuple[float, int, bool]:
+def begin_step(t: float, structure: Structure, cap: Floats, loss: Floats, state: State, at: Places) -> tuple[float, int, bool]:
     """Clear what a step adds up in the work buffer, let the last losses act and set the modes at the start.
 
     Returns
@@ -119,7 +117,6 @@ def begin_step(
     for a in range(structure.sh.shape[0]):
         work[at.swing + a] = 0.0
     scale += 1.0
-    if loss is not None:
-        start_losses(cap.shape[1], cap, loss, work, at)
+    start_losses(cap.shape[1], cap, loss, work, at)
     made, joint = start_modes(t, scale, structure.w, cap, state, at)
     return scale, made, joint

@@ -41,10 +41,10 @@ def step_types() -> tuple:
 
 
 @cache
-def bare_types(losses: bool = True) -> tuple:
-    """Return the types of the arguments of driveline.kernel.driveline_step, for a driveline with or without losses."""
+def bare_types() -> tuple:
+    """Return the types of the arguments of driveline.kernel.driveline_step."""
     structure, loads, loss, state = step_types()
-    return types.float64, types.float64, structure, loads, loss if losses else types.none, state
+    return types.float64, types.float64, structure, loads, loss, state
 
 
 def address_of(function: Compiled, signature: tuple) -> int:
@@ -77,9 +77,9 @@ def address_of(function: Compiled, signature: tuple) -> int:
 
 
 @cache
-def bare_address(losses: bool = True) -> int:
-    """Return the address of driveline.kernel.driveline_step, for a driveline with or without losses."""
-    return address_of(driveline_step, bare_types(losses))
+def bare_address() -> int:
+    """Return the address of driveline.kernel.driveline_step."""
+    return address_of(driveline_step, bare_types())
 
 
 def _alike(given: types.Type, taken: types.Type) -> bool:
@@ -121,4 +121,4 @@ def call_of(types_for: Callable[[tuple], tuple]) -> Compiled:
     return call
 
 
-bare_step = call_of(lambda given: bare_types(given[4] != types.none))
+bare_step = call_of(lambda _given: bare_types())

@@ -181,7 +181,7 @@ def share_at(d: float, span: Span) -> float:
 
 
 @njit(**STAGE)
-def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> None:
+def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats, state: State) -> None:
     """Set the change of the forces, and the torques at the end, over a sub-step of d before losses and anything implicit.
 
     The matrices of the implicit part are made where they are not those of this sub-step.
@@ -193,8 +193,7 @@ def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss
         else:
             implicit(d, w, cap, work)
     xa, xb = span.done / span.h, share_at(d, span)
-    if loss is not None:
-        put_losses(loss, cap, int(1), int(-1))
+    put_losses(loss, cap, int(1), int(-1))
     for j in range(n):
         work[at.dforce + j] = lin(loads.q[0, j], loads.q[1, j], xb) - lin(loads.q[0, j], loads.q[1, j], xa)
     for f in range(state.mode.shape[0]):
@@ -202,7 +201,7 @@ def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss
         if mo == OPEN:
             work[at.torque1 + f] = 0.0
         elif mo != STUCK:
-            torque = carried(cap, f, mo, xb if loss is None or work[at.lossy + f] == 0.0 else 1.0)
+            torque = carried(cap, f, mo, xb if work[at.lossy + f] == 0.0 else 1.0)
             work[at.torque1 + f] = torque
             torque -= work[at.torque0 + f]
             for j in range(n):
@@ -269,7 +268,7 @@ def room_left(torque: float, sign: int, cap: Floats, f: int, x: float) -> float:
 
 @njit(**STAGE)
 def first_event(
-    d: float, hit: int, side: int, span: Span, structure: Structure, cap: Floats, loss: Floats | None, state: State
+    d: float, hit: int, side: int, span: Span, structure: Structure, cap: Floats, loss: Floats, state: State
 ) -> tuple[float, int, int, float, float]:
     """Return what ends a sub-step of d first.
 
@@ -315,7 +314,7 @@ def first_event(
         elif mo == STUCK:
             l0, l1 = work[at.torque0 + f], work[at.torque1 + f]
             lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
-            whole = loss is not None and work[at.lossy + f] != 0.0
+            whole = work[at.lossy + f] != 0.0
             for sign in (1, -1):
                 y0 = room_left(l0, sign, cap, f, 0.0 if whole else xa)
                 y1 = room_left(l1, sign, cap, f, 1.0 if whole else xb)
@@ -328,9 +327,7 @@ def first_event(
 
 
 @njit(**STAGE)
-def sub_step(
-    span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State
-) -> tuple[float, int, int, bool, bool, int]:
+def sub_step(span: Span, structure: Structure, loads: Loads, loss: Floats, state: State) -> tuple[float, int, int, bool, bool, int]:
     """Solve the longest sub-step in which no mode changes, from what `start_forces` has set.
 
     Returns
@@ -355,7 +352,7 @@ def sub_step(
     jams = int(-1)
     while True:
         change_forces(d, span, structure, loads, loss, state)
-        if loss is not None and loss.shape[0] > 0:
+        if loss.shape[0] > 0:
             if not losses_at_end(d, structure, cap, loss, state):
                 # a mesh jams in this sub-step; halve it until it ends just before that
                 if span.watch:
@@ -384,7 +381,7 @@ def sub_step(
         if hit >= 0:
             # in a linear problem the shortened step ends at the root; with drag, shafts or losses it does not end exactly there
             tries += 1
-            if (work[3] == 0.0 and (loss is None or loss.shape[0] == 0)) or tries > 60:
+            if (work[3] == 0.0 and loss.shape[0] == 0) or tries > 60:
                 break
         if hit < 0 or first < d * (1.0 - 1e-9):
             if hit >= 0:
@@ -422,14 +419,13 @@ def take_elements(d: float, cap: Floats, mode: Ints, el: Floats, work: Floats, a
 
 
 @njit(**STAGE)
-def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> None:
+def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats, state: State) -> None:
     """Move the state by the sub-step of d that has been solved."""
     q, mode, v, twist, work = loads.q, state.mode, state.v, state.twist, state.work
     at, n, slots = span.at, v.shape[0], structure.sh.shape[0]
     xa, xb = span.done / span.h, share_at(d, span)
-    if loss is not None:
-        for k in range(loss.shape[0]):
-            loss[k, LAST] = loss[k, NEXT]
+    for k in range(loss.shape[0]):
+        loss[k, LAST] = loss[k, NEXT]
     if slots > 0:
         take_by_nodes(d, xa, xb, structure, loads, state, at)
     else:
@@ -467,7 +463,7 @@ def longest_part(h: float, pattern: float, structure: Structure, cap: Floats, wo
 
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
-def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss: Floats | None, state: State) -> int:
+def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss: Floats, state: State) -> int:
     """Move a driveline with m <= 50 friction elements from t to t + h and return the number of events in the step.
 
     Parameters
@@ -479,10 +475,9 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
     structure, loads, state : Structure, Loads, State
         The driveline; the state is changed in place. Beyond 6 m + 12 events in one step, or where the set of stuck elements could
         not be decided more than UNDECIDED times, the rest of the step runs with the modes as they are, and counts as capped.
-    loss : (k, loss_width(n, m)) array, or None
+    loss : (k, loss_width(n, m)) array
         Losses that grow with a torque, with the columns of driveline.losses. The capacities, above 0, of the elements that they
-        own come from there. None where there are no losses: the step is then compiled without them, which saves a tenth
-        of its time.
+        own come from there.
 
     Returns
     -------
@@ -492,13 +487,13 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
     noinline()
     w, cap, work, count = structure.w, loads.cap, state.work, state.count
     m = w.shape[0]
-    at = places(state.v.shape[0], m, structure.sh.shape[0], int(0) if loss is None else loss.shape[0])
+    at = places(state.v.shape[0], m, structure.sh.shape[0], loss.shape[0])
     scale, made, joint = begin_step(t, structure, cap, loss, state, at)
     done, passes, stalls, undecided = 0.0, 0, 0, 0
     hit = changed = int(-1)  # element whose event has ended the last sub-step; element of the last event
     jams = int(-1)  # element of a mesh that jams at this moment
     while True:
-        if loss is not None and jams >= 0:
+        if jams >= 0:
             # the only call of stop, because each call is compiled with the passing of all these arrays
             made += stop(t + done, jams, structure, cap, loss, state)
             jams = int(-1)
@@ -508,7 +503,7 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
             # a joint decision that was reversed at once was one between equal choices: decide with the inputs of a later instant
             ahead = (h - done) * min(1e-3, 10.0 ** (stalls - 10)) if stalls > 1 else 0.0
             capped = count[N_CAPPED]
-            decided = resolve((done + ahead) / h, t + done, structure, loads, cap[:0] if loss is None else loss, state)
+            decided = resolve((done + ahead) / h, t + done, structure, loads, loss, state)
             if decided < 0:
                 jams = -1 - decided
                 continue
@@ -522,8 +517,7 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
             count[WORST] = changed
         if h - done <= 0.0:
             break
-        if loss is not None:
-            put_last(loss, cap)
+        put_last(loss, cap)
         pattern = start_forces(done / h, structure, loads, state, at)
         longest = longest_part(h, pattern, structure, cap, work)
         span = Span(h, done, pattern, scale, longest, passes <= 6 * m + 12 and undecided <= UNDECIDED, at)

@@ -45,10 +45,10 @@ Controller = Callable[[Moment], Mapping[str, float] | None]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _run_steps(bare: int, structure: Structure, loads: Loads, state: State, t: Floats, h: Floats, rows: Rows) -> None:
+def _run_steps(bare: int, structure: Structure, loads: Loads, loss: Floats, state: State, t: Floats, h: Floats, rows: Rows) -> None:
     """Take a step of each length h from each time t and record the state after it; ``bare`` is an address."""
     for i in range(loads.q.shape[0]):
-        bare_step(bare, h[i], t[i], structure, Loads(loads.q[i], loads.cap[i]), None, state)
+        bare_step(bare, h[i], t[i], structure, Loads(loads.q[i], loads.cap[i]), loss, state)
         put_row(rows, i, state)
 
 
@@ -311,7 +311,7 @@ class Run:
             model = Model(bare_address(), s.structure, s.mass, self._laws)
             run_laws(settled_address(), model, Given(loads, given), Moving(loss, x, own), t, h, rows, law_rows)
         else:
-            _run_steps(bare_address(losses=False), s.structure, loads, x, t, h, rows)
+            _run_steps(bare_address(), s.structure, loads, loss, x, t, h, rows)
         return *rows, *law_rows
 
     def _first(self, t: Floats) -> tuple[np.ndarray, ...]:
