@@ -122,7 +122,7 @@ def check_once_and_in_order(domain, folder, path, rate, **options):
     return output
 
 
-@pytest.mark.parametrize("rate", [1, 10, "max"])
+@pytest.mark.parametrize("rate", [pytest.param(1, marks=pytest.mark.campaign), 10, "max"])
 def test_another_process_gets_the_whole_bag_in_order(domain, tmp_path, rate):
     check_once_and_in_order(domain, tmp_path, SAMPLE, rate)
 

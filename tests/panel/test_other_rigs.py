@@ -18,7 +18,7 @@ LONGER = pytest.mark.campaign
     ("rig", "device", "setting", "value", "signal", "least"),
     [
         ("three_speed", "motor", "speed", "600", "n_in", 500),
-        ("clutch_bench", "hydraulic_motor", "speed", "60", "n", 10),
+        pytest.param("clutch_bench", "hydraulic_motor", "speed", "60", "n", 10, marks=LONGER),
         pytest.param("frame_saw", "motor_drive", "speed", "300", "n_crank", 80, marks=LONGER),
         pytest.param("chain_saw", "trigger", "throttle", "0.5", "throttle", 45, marks=LONGER),
         pytest.param("new", "motor", "speed", "600", "n_in", 500, marks=LONGER),

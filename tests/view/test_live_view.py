@@ -272,7 +272,7 @@ def live_command(tmp_path):
 
 @pytest.mark.against_the_clock
 @needs_driver
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.campaign), signal.SIGTERM])
 def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_command, number):
     address = re.compile(r"rerun (rerun\+http://127\.0\.0\.1:\d+/proxy)")
     url = until(lambda: address.search(live_command.output()), "the address")[1]
