@@ -100,6 +100,7 @@ def test_profiles_of_all_outputs_that_a_shift_moves_are_in_use(config):
     assert list(box.outputs_in_shift()) == [True, True, False]
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("gear, ratio", [(1, 2.8), (2, 1.0)])
 def test_the_rig_is_driven_in_its_gears(config, gear, ratio):
     rig = Rig(config)
@@ -114,6 +115,7 @@ def test_the_rig_is_driven_in_its_gears(config, gear, ratio):
     assert rig.true("input.speed") == pytest.approx(ratio * rig.true("output.speed"), rel=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_shift_under_load_lets_one_clutch_go_for_another_and_keeps_the_third(config, folder):
     run = record(config, load_sequence("up", None, folder), plant_states=("c2_mode",))
     assert run.end["state"] == "ended", run.end
@@ -124,6 +126,7 @@ def test_a_shift_under_load_lets_one_clutch_go_for_another_and_keeps_the_third(c
     assert set(run.plant_states["c2_mode"][rows]) == {2.0}, "C2 is locked all the way"
 
 
+@pytest.mark.campaign  # tests/rig/test_more_outputs.py shifts a rig of five outputs
 def test_simulate_shifts_it_and_says_so(folder, tmp_path, capsys):
     assert main(["simulate", "up", "--rig", str(folder), "--out", str(tmp_path / "run")]) == 0
     assert "1 -> 2" in capsys.readouterr().out

@@ -91,6 +91,17 @@ class Client:
             self.executor.spin_until_future_complete(Future(), 0.02)
         return value
 
+    def until_silent(self, messages: list, seconds: float = 0.3):
+        """Serves callbacks until for some seconds no message has come; only time can show that none is on its way."""
+        last = [len(messages), time.monotonic()]
+
+        def silent():
+            if len(messages) != last[0]:
+                last[:] = len(messages), time.monotonic()
+            return time.monotonic() - last[1] > seconds
+
+        self.until(silent, "silence")
+
     def listen(self, topic: str, depth: int = 1000) -> list:
         """Returns a list that grows with the messages of a topic.
 

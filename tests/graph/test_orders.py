@@ -115,6 +115,7 @@ def test_an_order_that_the_controller_has_not_seen_is_withdrawn(graph, user):
     container = graph.supervisor.children["container"].pid
     os.kill(container, signal.SIGSTOP)  # without samples the controller does not accept the order
     try:
+        user.until_silent(user.states)
         goal = user.order(Shift, "/controller/shift", Shift.Goal(gear=2))
         answer = goal.cancel()
         assert answer.return_code == CancelGoal.Response.ERROR_NONE and len(answer.goals_canceling) == 1

@@ -206,6 +206,7 @@ def test_a_template_shifts_it(kind, ravigneaux, tmp_path, monkeypatch, capsys, r
     assert shifts("out") == UP
 
 
+@pytest.mark.campaign  # tests/controllers has the templates' conformance
 def test_a_template_passes_the_conformance_set_of_the_rig(ravigneaux, tmp_path, capsys):
     folder = tmp_path / "mine"
     assert main(["controller", "new", "python", str(folder), "--rig", str(ravigneaux)]) == 0
@@ -224,9 +225,13 @@ def test_the_graph_carries_all_outputs(ravigneaux, tmp_path, ros_domain):
     assert shifts(str(out)) == UP
 
 
-def test_a_dual_clutch_shifts_between_gears_that_dog_clutches_hold_too(dual, tmp_path, capsys):
+def test_a_dual_clutch_has_gears_that_dog_clutches_hold_too(dual, capsys):
     assert main(["check", str(dual)]) == 0
     assert "gear 2: C2, dog_2, ratio 2" in capsys.readouterr().out
+
+
+@pytest.mark.campaign
+def test_a_dual_clutch_shifts_between_them(dual, tmp_path):
     assert main(["simulate", "demo", "--rig", str(dual), "--out", str(tmp_path / "out")]) == 0
     assert shifts(str(tmp_path / "out")) == [(1, 2)]
 
