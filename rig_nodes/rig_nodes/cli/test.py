@@ -43,8 +43,7 @@ FIRST = {"graph": 2, "controllers": 5, "fmu": 1}
 # lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should not run last, and those whose
 # processes have time limits too should not run first. Short folders form one part with others, because to start a part
 # costs two seconds.
-BESIDE = ("runs", "plant", "the rest", "rigs", "rig", "engine", "api", "view")
-SHORT = ("analysis", "bags", "tune", "validation")  # one part, the last of them
+BESIDE = ("runs", "plant", "the rest", "rigs", "rig", "engine", "api", "view", "analysis", "bags", "tune", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
 # What `rig test --quick` runs: no ROS, and no more compiling than HydmAG needs.
 QUICK = (
@@ -226,9 +225,8 @@ def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], li
         for k in range(min(count, len(folders.get(name, ()))))
     }
     beside = {name: folders.get(name, []) for name in BESIDE}
-    for name in sorted(folders.keys() - FIRST.keys() - beside.keys() - set(SHORT)):
+    for name in sorted(folders.keys() - FIRST.keys() - beside.keys()):
         beside["the rest"] += folders[name]
-    beside["the short ones"] = [file for name in SHORT for file in folders.get(name, [])]
     return first, {name: files for name, files in beside.items() if files}, clock
 
 
