@@ -7,6 +7,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rig_nodes.bags.old_form import record_of_today
@@ -17,6 +18,8 @@ from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import BagError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.recorded_rig import config_of_record
+from rig_nodes.runs.run_file import Ordered, write_run
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.simulation import simulate
 
@@ -67,6 +70,22 @@ def test_such_a_bag_is_viewed_under_its_own_names(foreign, capsys):
     assert main(["view", str(foreign), "--no-open"]) == 0
     out = capsys.readouterr()
     assert "written" in out.out and "holds nothing of" not in out.err
+
+
+def test_a_bag_cut_off_before_its_record_is_of_the_rig_that_was_ordered(foreign, tmp_path, capsys):
+    """A recorder killed in its first moments has stored some topics and not yet what the rig is."""
+    cut = ["bag", "cut", str(foreign), "--topics", "/load_pump/n_wheel,/rig/state", "--out", str(tmp_path / "run")]
+    assert main(cut) == 0
+    bag = Bag(tmp_path / "run")
+    assert bag.run_info() == {}, "the condition of the test"
+    config = config_of_record(Bag(foreign).record, "the bag")
+    write_run(tmp_path / "run", Ordered(config, "mine"))
+    bag = Bag(tmp_path / "run")
+    assert bag.record == config.as_dict()
+    assert np.array_equal(bag.series("n_wheel"), Bag(foreign).series("n_wheel"))
+    capsys.readouterr()
+    assert main(["report", str(tmp_path / "run")]) == 2
+    assert "record of the rig" not in capsys.readouterr().err
 
 
 def test_a_record_of_before_has_the_structure_and_values_of_today():

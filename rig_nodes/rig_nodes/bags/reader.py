@@ -26,7 +26,7 @@ from ..rig import Catalogue, Signal, Structure, Transmission, catalogue, install
 from . import limits
 from .mcap_scan import read_mcap, read_pieces
 from .messages import Messages, in_short, stamps_of
-from .pieces import files_of_run, plain, read_metadata
+from .pieces import RUN_FILE, files_of_run, plain, read_metadata
 from .records import Contents, Stream
 from .rig_in_bag import rig_record
 from .sequence_numbers import Numbers, holes, lives_of
@@ -176,13 +176,13 @@ class Bag(Messages):
     def record(self) -> Mapping:
         """The rig's structure and values (RigConfig.as_dict) in today's form.
 
-        They are taken from the bag. When the bag does not hold them, they are those of the installed rig whose topics are most like
-        the bag's. BagError is raised for an invalid record.
+        They are taken from the bag, or from run.json beside it when the recorder ended before the bag held them. Without either,
+        they are those of the installed rig whose topics are most like the bag's. BagError is raised for an invalid record.
         """
-        try:
-            stored = info.get("configuration", info) if (info := self.run_info()) else None
-        except BagError:  # run_info() itself raises this error to its callers
-            stored = None
+        stored = None
+        with suppress(BagError):  # run_info() itself raises this error to its callers
+            if info := self.run_info() or self._ordered():
+                stored = info.get("configuration", info)
         try:
             return rig_record(stored, self.types)
         except UNREADABLE as error:
@@ -472,6 +472,12 @@ class Bag(Messages):
                 self.require(topic, {"json": "string"})
                 for _, message in self.messages(topic):
                     return self._object(topic, message.json)
+        return {}
+
+    def _ordered(self) -> dict:
+        """Return what run.json beside the bag says of its run; empty when there is no such file."""
+        with suppress(OSError, UnicodeDecodeError):
+            return self._object(RUN_FILE, (self.path.parent / RUN_FILE).read_text(encoding="utf-8"))
         return {}
 
     def _object(self, topic: str, text: str) -> dict:

@@ -12,13 +12,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..bags import RUN_FILE
 from ..base import RigError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-
-RUN_FILE = "run.json"  # in a run's folder: what was ordered (runs.run_file)
 
 
 def free_folder(name: str) -> Path:

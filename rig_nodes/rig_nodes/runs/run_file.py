@@ -14,9 +14,9 @@ from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
+from ..bags import RUN_FILE
 from ..base import RigError, atomic_write
 from ..rig import RigConfig, config_of_record
-from .folders import RUN_FILE
 from .sequence import Condition, Sequence, Step
 
 
