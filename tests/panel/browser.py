@@ -12,9 +12,14 @@ import tempfile
 import time
 from pathlib import Path
 
+import pytest
 from tornado.httpclient import AsyncHTTPClient
 from tornado.websocket import websocket_connect
 
+from rig_nodes.view import pdf
+
+PROGRAM = next(filter(None, map(shutil.which, pdf.BROWSERS)), None)
+NEEDED = pytest.mark.skipif(PROGRAM is None, reason="no Chromium or Chrome on the PATH (Debian: apt install chromium)")
 PATIENCE = 30.0  # s
 KEYS = {"Tab": 9, "Enter": 13, "Escape": 27, "ArrowUp": 38, "ArrowDown": 40}
 ENTER = {"text": "\r"}
@@ -25,11 +30,10 @@ class Browser:
 
     def __init__(self, url: str, width: int = 1200, height: int = 1000):
         """Opens the page."""
-        program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
         self._folder, self._loop = Path(tempfile.mkdtemp(prefix="rig-test-")), asyncio.new_event_loop()
         options = [f"--user-data-dir={self._folder}", f"--window-size={width},{height}", "--remote-debugging-port=0"]
         self.process = subprocess.Popen(
-            [program, "--headless=new", "--no-sandbox", "--disable-gpu", *options, "about:blank"],
+            [PROGRAM, "--headless=new", "--no-sandbox", "--disable-gpu", *options, "about:blank"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

@@ -4,6 +4,7 @@
 """The operator's page as its user starts it, and a browser on it."""
 
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -17,19 +18,15 @@ from started_panel import READY, Panel
 @pytest.fixture(scope="module")
 def panel(tmp_path_factory):
     """A page that has started HydmAG."""
-    panel = Panel(tmp_path_factory.mktemp("panel"), "hydmag", "--faults")
-    yield panel
-    assert panel.process.poll() is None, "it has ended by itself"
-    panel.close()
+    with closing(Panel(tmp_path_factory.mktemp("panel"), "hydmag", "--faults")) as panel:
+        yield panel
+        assert panel.process.poll() is None, "it has ended by itself"
 
 
 @pytest.fixture(scope="module")
 def page(panel):
     """A browser on it, with the rig ready."""
-    browser = Browser(panel.url)
-    try:
+    with closing(Browser(panel.url)) as browser:
         browser.until(READY, 200)  # the first start compiles the plant
         yield browser
         assert browser.troubles == [], "no script of the page has failed"
-    finally:
-        browser.close()

@@ -32,7 +32,8 @@ def status(url: str, **headers: str) -> int:
 def test_nothing_is_served_without_the_token_or_to_another_host_or_origin(panel, path):
     with_token = f"{panel.origin}{path}?token={panel.token}"
     assert status(f"{panel.origin}{path}") == 403
-    assert status(f"{panel.origin}{path}?token=x{panel.token[1:]}") == 403
+    wrong = "xy"[panel.token[0] == "x"] + panel.token[1:]
+    assert status(f"{panel.origin}{path}?token={wrong}") == 403
     for host in ("evil.example", f"evil.example:{panel.port}", "127.0.0.1", f"127.0.0.1.evil.example:{panel.port}", ""):
         assert status(with_token, Host=host) == 403
     for origin in ("http://evil.example", "null", f"https://127.0.0.1:{panel.port}", f"http://127.0.0.1:{panel.port + 1}"):

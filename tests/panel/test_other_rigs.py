@@ -3,13 +3,15 @@
 
 """The operator's page of other rigs, for none of which it has a line of its own: each is driven, and a signal is seen to move."""
 
+from contextlib import closing
+
 import pytest
-from browser import Browser
+from browser import NEEDED, Browser
 from started_panel import Panel
 
 from rig_nodes.cli.main import main
 
-pytestmark = pytest.mark.against_the_clock
+pytestmark = [pytest.mark.against_the_clock, NEEDED]
 SETPOINT = '[id="set {}"]'
 LONGER = pytest.mark.campaign
 
@@ -29,9 +31,7 @@ def test_it_is_driven_from_its_page(tmp_path, rig, device, setting, value, signa
     if rig == "new":
         rig = str(tmp_path / "new")
         assert main(["new", "rig", rig]) == 0
-    panel = Panel(tmp_path, rig)
-    browser = Browser(panel.url)
-    try:
+    with closing(Panel(tmp_path, rig)) as panel, closing(Browser(panel.url)) as browser:
         browser.until("document.getElementById('state').textContent === 'ready'", 200)
         browser.write(SETPOINT.format(f"{device}.{setting}"), value)
         browser.click(SETPOINT.format(f"{device}.enabled"))
@@ -40,6 +40,3 @@ def test_it_is_driven_from_its_page(tmp_path, rig, device, setting, value, signa
         assert browser.text("#driveline").strip(), "it has a picture of its own"
         assert browser.js("[...document.querySelectorAll('#setpoints .bad')].every((one) => !one.textContent)")
         assert browser.troubles == []
-    finally:
-        browser.close()
-        panel.close()

@@ -7,16 +7,17 @@ import io
 import os
 import signal
 import zipfile
+from contextlib import closing
 from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
-from browser import Browser
+from browser import NEEDED, Browser
 from started_panel import READY
 
 from rig_nodes.bags import Bag
 
-pytestmark = pytest.mark.against_the_clock
+pytestmark = [pytest.mark.against_the_clock, NEEDED]
 OUTPUT = '[data-output="alfa46.output_1"]'
 STATE = "document.getElementById('state').textContent"
 
@@ -105,8 +106,7 @@ def test_a_fault_is_switched_on_and_off_and_the_bag_shows_both(page, panel, tmp_
 
 def test_a_second_page_sees_and_does_what_the_first_does(page, panel):
     page.write(field("motor.speed"), "750")
-    second = Browser(panel.url)
-    try:
+    with closing(Browser(panel.url)) as second:
         second.until(f"document.querySelector('{field('motor.speed')}').value === '750'")
         assert second.text("button[aria-label='T_oil.offset']") == "off", "it was told of the faults before it came"
         second.write(field("motor.speed"), "800")
@@ -116,8 +116,6 @@ def test_a_second_page_sees_and_does_what_the_first_does(page, panel):
         page.click("#reset")
         second.until(f"{STATE} === 'ready'")
         assert second.troubles == []
-    finally:
-        second.close()
     page.until("document.getElementById('others').textContent.startsWith('Open pages: 1.')")
 
 

@@ -24,6 +24,7 @@ import tempfile
 import threading
 import zipfile
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "panel"))
@@ -66,9 +67,7 @@ def looked_at(address: str, scheme: str) -> list[list]:
 def found_on_panel(axe: str) -> Iterator[tuple[str, list]]:
     """Yield scheme and findings, as of :func:`looked_at`, of the operator's page with all of its parts open."""
     with tempfile.TemporaryDirectory() as folder:
-        panel = Panel(Path(folder), "hydmag", "--faults")
-        browser = Browser(panel.url)
-        try:
+        with closing(Panel(Path(folder), "hydmag", "--faults")) as panel, closing(Browser(panel.url)) as browser:
             browser.until(READY, 200)
             browser.click("[data-gear='1']")  # which is refused, as there is no oil yet
             browser.until("document.querySelectorAll('#event-list li').length")
@@ -79,9 +78,6 @@ def found_on_panel(axe: str) -> Iterator[tuple[str, list]]:
                 scheme = browser.js("document.documentElement.dataset.theme")
                 for one in browser.js(ON_PAGE):
                     yield scheme, one
-        finally:
-            browser.close()
-            panel.close()
 
 
 def main(wheel: str) -> int:
