@@ -1,0 +1,111 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Three pages with twenty signals each for half an hour: nothing grows, and the rig is as punctual as without them.
+
+`./rig test -m campaign tests/panel/test_soak.py -s` prints the figures.
+"""
+
+import json
+import os
+import signal
+import time
+from contextlib import ExitStack, closing
+from pathlib import Path
+
+import pytest
+from browser import NEEDED, Browser
+from started_panel import READY, Panel
+
+pytestmark = [pytest.mark.against_the_clock, pytest.mark.campaign, NEEDED]
+WITHOUT, WITH, STOPPED, FIRST = 5, 30, 10, 5  # minutes: no page, three pages, one of them stopped, until nothing grows any more
+SPAN = 10  # minutes in which nothing grows by more than MOST
+MOST = 1.0  # MB
+ROWS = [
+    ["n_wej", "n_wyj", "M_wej", "M_wyj", "motor_torque"],
+    ["p1", "p2", "p_p", "I_zr_p1", "I_zr_p2"],
+    ["s1_slip", "s2_slip", "s1_torque", "s2_torque", "load_torque"],
+    ["I_set_zr_p1", "I_set_zr_p2", "s1_capacity", "s2_capacity", "T_oil"],
+]
+
+
+def memory(pid: int) -> float:
+    """Returns the resident memory of a process [MB]."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def heap(page: Browser) -> float:
+    """Returns what the scripts of a page use [MB] once nothing is kept that could be freed."""
+    page.call("HeapProfiler.collectGarbage")
+    return page.call("Runtime.getHeapUsage")["usedSize"] / 1e6
+
+
+def with_descendants(pid: int) -> list[int]:
+    """Returns a process and all that it and its children have started."""
+    children = [int(one) for task in Path(f"/proc/{pid}/task").iterdir() for one in (task / "children").read_text().split()]
+    return [pid, *(one for child in children for one in with_descendants(child))]
+
+
+def watched(panel: Panel, pages: list[Browser], minutes: int) -> list[list[float]]:
+    """Returns each minute, from now on, the server's memory and the pages' heaps [MB]."""
+    rows = []
+    for minute in range(minutes + 1):
+        rows.append([memory(panel.process.pid), *map(heap, pages)])
+        if minute < minutes:
+            time.sleep(60.0)  # time is the condition of this test
+    return rows
+
+
+def growth(rows: list[list[float]]) -> list[float]:
+    """Returns by how much each column grows at most within SPAN minutes."""
+    return [max(b - a for a, b in zip(column, column[SPAN:])) for column in zip(*rows)]
+
+
+def punctual(folder: Path) -> dict:
+    """Returns what the report of the run that a page has started says of its punctuality."""
+    (path,) = folder.glob("runs/*/report.json")
+    return json.loads(path.read_text())["run"]
+
+
+def test_three_pages_for_half_an_hour_cost_the_rig_nothing_and_grow_nowhere(tmp_path, capsys):
+    alone, beside = tmp_path / "alone", tmp_path / "beside"
+    alone.mkdir()
+    beside.mkdir()
+    with closing(Panel(alone, "hydmag")) as panel:
+        with closing(Browser(panel.url)) as page:
+            page.until(READY, 200)
+        time.sleep(60.0 * WITHOUT)
+    with closing(Panel(beside, "hydmag")) as panel, ExitStack() as stack:
+        pages = [stack.enter_context(closing(Browser(panel.url))) for _ in range(3)]
+        for page in pages:
+            page.until(READY, 200)
+            page.js(f"localStorage.setItem('rig-charts hydmag', '{json.dumps(ROWS)}')")
+            page.call("Page.reload")
+            page.until(f"document.querySelectorAll('.chip').length === {sum(map(len, ROWS))}")
+        time.sleep(60.0 * FIRST)
+        rows = watched(panel, pages, WITH - FIRST)
+        grown = growth(rows)
+        processes = with_descendants(pages[0].process.pid)
+        for pid in processes:
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            others = watched(panel, pages[1:], STOPPED)
+        finally:
+            for pid in processes:
+                os.kill(pid, signal.SIGCONT)
+        grown_beside = growth(others)
+        first = "document.querySelector('.chip .value').textContent"
+        pages[0].until(READY, 60)
+        pages[0].until(f"Number.isFinite(Number({first}))", 60)
+        troubles = [page.troubles for page in pages]
+    without, found = punctual(alone), punctual(beside)
+    with capsys.disabled():
+        print(f"\n{WITH} min: server {rows[0][0]:.1f} to {rows[-1][0]:.1f} MB, heaps {rows[0][1:]} to {rows[-1][1:]} MB")
+        print(f"most growth in {SPAN} min [MB]: {grown}, with a page that stands still {grown_beside}")
+        for name, one in (("without", without), ("with", found)):
+            print(f"{name} pages: lateness {one['lateness_ms']}, {one['overruns']} of {one['ticks']} ticks late")
+    assert troubles == [[], [], []]
+    assert all(one < MOST for one in (*grown, *grown_beside))
+    assert found["lateness_ms"]["p99"] < 1.5 * without["lateness_ms"]["p99"]
+    assert found["overruns"] / found["ticks"] <= without["overruns"] / without["ticks"] + 1e-4
