@@ -6,10 +6,12 @@
 No two tests use the fixed ports of the templates at the same time.
 """
 
+import contextlib
 import faulthandler
 import os
 import signal
 import socket
+import subprocess
 import threading
 import time
 
@@ -41,6 +43,44 @@ def on_own_port():
         return words
 
     return moved
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Makes disks of a size [kB], each a folder that is gone at the end of its block."""
+
+    @contextlib.contextmanager
+    def made(size: int):
+        disk = tmp_path / "disk"
+        disk.mkdir(exist_ok=True)
+        mounted(disk, "-t", "tmpfs", "-o", f"size={max(1, size)}k", "tmpfs")
+        try:
+            yield disk
+        finally:
+            subprocess.run(["umount", str(disk)], check=True)
+
+    return made
+
+
+@pytest.fixture
+def read_only():
+    """Makes folders read-only until the test's end; files that are open there go on being written, as after chmod."""
+    made = []
+
+    def make(folder):
+        mounted(folder, "--bind", str(folder))
+        made.append(folder)
+        subprocess.run(["mount", "-o", "remount,bind,ro", str(folder)], check=True)
+
+    yield make
+    for folder in made:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def mounted(folder, *arguments: str) -> None:
+    """Mounts something at a folder, or skips the test."""
+    if subprocess.run(["mount", *arguments, str(folder)], capture_output=True).returncode:
+        pytest.skip("this user may not mount a disk")
 
 
 def pytest_configure(config):

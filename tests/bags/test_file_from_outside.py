@@ -3,24 +3,28 @@
 
 """What others do to a bag while it is written is noticed with the next chunk, in one sentence; what is there is sealed."""
 
+import contextlib
 import os
+import re
 import shutil
+import struct
 
 import pytest
 
 from rig_nodes.bags import Bag, BagWriter
 from rig_nodes.bags import writer as of_writer
 from rig_nodes.bags.cdr import encoder
+from rig_nodes.bags.writer import Layout
 from rig_nodes.base import DiskFull, RigError
 
 TOPIC, TYPE = "/motor/n_wej", "rig_msgs/msg/Measurement"
 AT = 2000  # ms at which it happens
 
 
-def written(folder, act):
+def written(folder, act, layout=Layout()):
     """Write 5 s of messages, with an act of others in between; return (the sentence, its type, ms at which it came)."""
     encode = encoder(TYPE).encode
-    writer = BagWriter(folder, "run")
+    writer = BagWriter(folder, "run", layout=layout)
     with pytest.raises(RigError) as refused:
         for ms in range(5000):
             if ms == AT:
@@ -32,6 +36,13 @@ def written(folder, act):
         assert str(same.value) == str(refused.value) and type(same.value) is type(refused.value)
     writer.close()
     return str(refused.value), type(refused.value), ms
+
+
+def fill(disk):
+    """Take all that is left of a disk, as another program may do at once."""
+    with open(disk / "others", "ab", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(4096))
 
 
 def test_a_removed_file_or_folder_is_noticed(tmp_path):
@@ -80,3 +91,39 @@ def test_a_disk_that_is_nearly_full_ends_the_bag_in_order_before(tmp_path, monke
     assert kind is DiskFull and "was ended in order at 1.999 s" in sentence and "before the disk is full" in sentence
     bag = Bag(tmp_path)
     assert bag.counts[TOPIC] >= AT and bag.end == {"state": "failed", "reason": sentence}
+
+
+def test_a_folder_that_is_made_read_only_is_noticed_and_keeps_a_whole_bag(tmp_path, read_only):
+    sentence, _, ms = written(tmp_path / "run", lambda: read_only(tmp_path / "run"))
+    assert "takes no more files at 1.999 s: it or its disk was made read-only" in sentence and ms <= AT + 100
+    bag = Bag(tmp_path / "run")
+    assert bag.counts[TOPIC] >= AT and bag.end == {"state": "failed", "reason": sentence}
+
+
+@pytest.mark.parametrize("packing", ["chunk", "file", "none"])
+def test_a_disk_that_others_fill_at_once_is_named_with_what_is_readable(small_disk, packing):
+    with small_disk(1024) as disk:
+        sentence, kind, _ = written(disk / "run", lambda: fill(disk), Layout(packing=packing))
+        assert kind is DiskFull and "run_0.mcap" in sentence
+        kept = float(re.search(r"([\d.]+) s", sentence)[1])
+        assert kept >= (AT - 200) * 1e-3
+        bag = Bag(disk / "run", recover="in order" not in sentence)
+        assert 0 <= bag.counts[TOPIC] - (round(kept * 1e3) + 1) <= 100, "at least what the sentence says, at most a chunk more"
+        assert sorted(path.name for path in (disk / "run").iterdir()) == ["run_0.mcap"]
+
+
+@pytest.mark.parametrize("size", [1000, 1100, 1200])
+def test_a_bag_of_large_messages_is_ended_in_order_before_the_disk_is_full(small_disk, size):
+    """What comes between two looks at the disk is larger than the reserve."""
+    with small_disk(size) as disk, pytest.raises(DiskFull) as refused:
+        writer = BagWriter(disk / "run", "run")
+        try:
+            for k in range(100):
+                data = struct.pack("<4sI", b"\x00\x01\x00\x00", 100_000) + os.urandom(100_000)
+                writer.write("/camera/left", "std_msgs/msg/String", data, k * 50_000_000)
+        finally:
+            writer.close()
+            bag = Bag(disk / "run")
+            count = bag.counts["/camera/left"]
+    assert f"was ended in order at {(count - 1) * 0.05:.3f} s, before the disk is full" in str(refused.value)
+    assert count >= 6 and bag.end == {"state": "failed", "reason": str(refused.value)}

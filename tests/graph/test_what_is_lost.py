@@ -113,19 +113,15 @@ def test_a_bag_that_was_cut_meanwhile_ends_the_run_and_is_said_to_be_damaged(tmp
 
 
 @pytest.fixture
-def small_disk(tmp_path):
+def nearly_full(small_disk):
     """A folder on a disk of its own with half a MB left, which is too little for a run of three seconds."""
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)], capture_output=True).returncode:
-        pytest.skip("this user may not mount a disk")
-    (disk / "others").write_bytes(os.urandom(500_000))
-    yield disk
-    subprocess.run(["umount", str(disk)], check=True)
+    with small_disk(1024) as disk:
+        (disk / "others").write_bytes(os.urandom(500_000))
+        yield disk
 
 
-def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk):
-    folder = small_disk / "run"
+def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(nearly_full):
+    folder = nearly_full / "run"
     code, output = rig_run(folder, "--speed", "max")
     assert code == 1 and "Traceback" not in output and "JSONDecodeError" not in output, output
     last = output.splitlines()[-1]
@@ -136,11 +132,11 @@ def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(small_disk):
         json.loads(path.read_text())  # each file is complete, or it does not exist
 
 
-def test_a_full_disk_ends_simulate_with_a_sentence(small_disk, rig_command):
-    done = rig_command("simulate", str(SHORT), "--out", str(small_disk / "run"))
+def test_a_full_disk_ends_simulate_with_a_sentence(nearly_full, rig_command):
+    done = rig_command("simulate", str(SHORT), "--out", str(nearly_full / "run"))
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert done.stderr.startswith(f"rig: {small_disk / 'run' / 'short_0.mcap'} was ended in order at ")
-    bag = Bag(small_disk / "run")
+    assert done.stderr.startswith(f"rig: {nearly_full / 'run' / 'short_0.mcap'} was ended in order at ")
+    bag = Bag(nearly_full / "run")
     assert bag.counts["/instruments/controller"] > 100
     printed = float(re.search(r"in order at ([\d.]+) s, before the disk is full", done.stderr)[1])
     assert max(time for topic in bag.counts for time, _ in bag.messages(topic)) / 1e9 == pytest.approx(printed, abs=2e-3)

@@ -17,7 +17,7 @@ import struct
 import zlib
 from array import array
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import BinaryIO
@@ -49,6 +49,7 @@ _INDICES = struct.Struct("<QI")  # behind the table: bytes of the indices, lengt
 _SIZES = struct.Struct("<QQ")  # behind that name: packed size, size
 _NONE = np.zeros(0, np.int64)
 _FOOTER = struct.Struct("<BQQQ")
+_CHANNEL_COUNT, _REST = 10, 1024  # bytes of a channel in the statistics, and of all else in the end of a file, at most
 
 
 class McapWriter:
@@ -57,12 +58,22 @@ class McapWriter:
     It does not close the file. An OSError of the file is passed on.
     """
 
-    def __init__(self, file: BinaryIO, profile: str, library: str, chunk_bytes: int, packed: bool = True) -> None:
+    def __init__(
+        self,
+        file: BinaryIO,
+        profile: str,
+        library: str,
+        chunk_bytes: int,
+        packed: bool = True,
+        fits: Callable[[int], bool] = lambda _: True,
+    ) -> None:
         """Write the beginning of the file.
 
         A chunk larger than ``chunk_bytes`` is closed without a call of :meth:`flush`; ``packed`` is True when chunks are packed.
+        ``fits`` is asked before each chunk with its bytes in the file; once it says no, that chunk and all later ones are left out.
         """
-        self._file, self._chunk_bytes = file, chunk_bytes
+        self._file, self._chunk_bytes, self._fits = file, chunk_bytes, fits
+        self.complete = True  # False: chunks were left out
         self._compression = COMPRESSION if packed else b""
         self._compress = zstandard.ZstdCompressor().compress if packed else bytes
         self._packer = ThreadPoolExecutor(1)  # packs and sums without Python's lock
@@ -72,7 +83,8 @@ class McapWriter:
         self._data_crc = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._counts: Counter[int] = Counter()
+        self.counts: Counter[int] = Counter()  # messages in the file by channel
+        self._described = 0  # bytes of the descriptions of schemas and channels
         self._chunks, self._chunk_count = bytearray(), 0  # the index of the chunks as the file will hold it
         self._metadata: list[MetadataIndex] = []
         self._first = self._last = 0  # first and last time of the messages in closed chunks
@@ -85,7 +97,7 @@ class McapWriter:
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Store a new schema and return its number."""
         self._schemas.append(Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name))
-        self._into_chunk(_bytes(self._schemas[-1]))
+        self._describe(_bytes(self._schemas[-1]))
         return len(self._schemas)
 
     def register_channel(self, topic: str, encoding: str, schema: int, metadata: dict[str, str]) -> int:
@@ -93,7 +105,7 @@ class McapWriter:
         self._channels.append(
             Channel(id=len(self._channels) + 1, topic=topic, message_encoding=encoding, schema_id=schema, metadata=metadata)
         )
-        self._into_chunk(_bytes(self._channels[-1]))
+        self._describe(_bytes(self._channels[-1]))
         return len(self._channels)
 
     def add_message(self, channel: int, log_time: int, data: bytes, sequence: int) -> None:
@@ -150,6 +162,11 @@ class McapWriter:
         self._put_chunks()
         return self._file.tell()
 
+    @property
+    def size_of_end(self) -> int:
+        """Bytes that :meth:`finish` writes behind the chunks, at most."""
+        return self._described + len(self._chunks) + _CHANNEL_COUNT * len(self._channels) + _REST
+
     def flush(self) -> None:
         """Close the chunk in progress, unless it has no message, and hand everything to the operating system."""
         self.end_chunk()
@@ -190,9 +207,9 @@ class McapWriter:
         return Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
-            channel_message_counts=self._counts,
+            channel_message_counts=self.counts,
             chunk_count=self._chunk_count,
-            message_count=sum(self._counts.values()),
+            message_count=sum(self.counts.values()),
             metadata_count=len(self._metadata),
             message_start_time=self._first,
             message_end_time=self._last,
@@ -209,7 +226,9 @@ class McapWriter:
         self._index: Index | None = None  # of the only part
         self._size = 0
 
-    def _into_chunk(self, record: bytes) -> None:
+    def _describe(self, record: bytes) -> None:
+        """Put the description of a schema or channel into the chunk; the summary repeats it."""
+        self._described += len(record)
         self._gather()
         self._index = None
         self._parts.append((record, _NONE, _NONE, _NONE))
@@ -261,11 +280,14 @@ class McapWriter:
             self._put_chunk()
 
     def _put_chunk(self) -> None:
-        """Write the first of the closed chunks, as soon as it is packed."""
+        """Write the first of the closed chunks, as soon as it is packed; once one does not fit, none is written."""
         packing, size, index = self._packing[0]
         packed, compression, crc = packing.result()
+        self.complete = self.complete and self._fits(len(packed) + len(index.records) + _CHUNK.size + _PACKED.size)
         self._waiting -= size
         self._packing.popleft()  # an interrupt while it is packed leaves it where it is
+        if not self.complete:
+            return
         length = _CHUNK.size - 9 + len(compression) + _PACKED.size + len(packed)
         head = _CHUNK.pack(Opcode.CHUNK, length, index.first, index.last, size, crc, len(compression))
         at = self._file.tell()
@@ -273,7 +295,7 @@ class McapWriter:
         self.unflushed.append((indices_at, index.last))  # before the write, which may fail behind the chunk
         self._write(b"".join([head, compression, _PACKED.pack(len(packed)), packed, index.records]))
         for channel, count in zip(index.channels.tolist(), index.counts.tolist()):
-            self._counts[channel] += count
+            self.counts[channel] += count
         table = np.empty(len(index.channels), _PLACE)
         table["channel"], table["index"] = index.channels, indices_at + index.places
         self._first, self._last = min(self._first, index.first) if self._chunk_count else index.first, max(self._last, index.last)

@@ -132,9 +132,12 @@ def pack(file: Path) -> Path:
     """
     out = file.with_name(f"{file.name}{PACKED}")
     part = file.with_name(f".{file.name}.part")
-    with open(file, "rb") as source, open(part, "wb") as sink:
-        zstandard.ZstdCompressor().copy_stream(source, sink, size=file.stat().st_size)
-    part.replace(out)
+    try:
+        with open(file, "rb") as source, open(part, "wb") as sink:
+            zstandard.ZstdCompressor().copy_stream(source, sink, size=file.stat().st_size)
+        part.replace(out)
+    finally:
+        part.unlink(missing_ok=True)
     file.unlink()
     return out
 

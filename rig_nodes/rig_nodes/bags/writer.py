@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 FLUSH_NS = 100_000_000
 CHUNK_BYTES = 4 * 1024 * 1024
 BUFFER = 1024 * 1024  # bytes that are handed to the operating system at once, when it is time
-# bytes that the disk must have left for the end of a bag, and share of the bag that its index takes at most
-RESERVE, RESERVE_SHARE = 128 * 1024, 16
+# bytes that a disk must have left behind the end of a bag, for the other files of a run, and that the end takes for a topic
+RESERVE, OF_TOPIC = 96 * 1024, 1024
 LIBRARY = f"rig_nodes {__version__}"
 LIBRARY_OF_RUN = LIBRARY + OF_RUN  # for a bag that ends with BagWriter.end
 LARGEST = limits.CHUNK - limits.RECORD * 2 - 64  # bytes of a message whose chunk, with its topic's description, can be read
@@ -275,7 +275,8 @@ class BagWriter:
         starts = np.append(0, ends)[begins]
         at = starts[:-1].tolist()
         each = indexed(of, times, np.append(0, ends[:-1]) - np.repeat(starts[:-1], np.diff(begins)), np.diff(begins).tolist())
-        tight = self._look_after() < len(content)  # then the disk is looked at before each chunk
+        self._look_after()
+        tight = self._room() < len(content) + RESERVE  # then the disk is looked at behind each chunk
         for k, (begin, end) in enumerate(itertools.pairwise(begins)):
             self._begin_chunk(int(times[begin]), tight)
             records = content[at[k] : int(starts[k + 1])]
@@ -283,6 +284,7 @@ class BagWriter:
             self._first, self._last = min(self._first, int(times[begin:end].min())), max(self._last, int(times[begin:end].max()))
         self._guard(self._writer.hand_over)
         self._kept, self._handed = self._writer.last, self._file.tell()
+        self._end_before_full()
 
     def _store_each(self, columns: Sequence[Column], order: Sequence[int], times: Sequence[int]) -> None:
         """Store messages one by one, as before each the next file may begin."""
@@ -386,29 +388,24 @@ class BagWriter:
         self._look_after()
         self._guard(self._writer.flush)
         self._kept, self._handed = self._writer.last, self._file.tell()
+        self._end_before_full()
 
-    def _look_after(self) -> int:
-        """End the bag in order when the disk is nearly full, or when others have removed, moved or cut its file.
-
-        Returns
-        -------
-        int
-            Bytes that can still be written.
+    def _look_after(self) -> None:
+        """End the bag in order when others have removed, moved or cut its file, or closed its folder.
 
         Raises
         ------
         RigError
-            When the recording cannot go on; DiskFull where the disk is why.
+            When the recording cannot go on.
         """
         try:
-            own, disk = os.fstat(self._file.fileno()), os.fstatvfs(self._file.fileno())
+            own = os.fstat(self._file.fileno())
         except OSError as error:
             raise self._fail(error) from None
         there = None
         with suppress(OSError):
             there = os.stat(self.path)
         kept = f"{self._last / 1e9:.3f} s"
-        free, needed = disk.f_bavail * disk.f_frsize, RESERVE + self._handed // RESERVE_SHARE
         if own.st_size < self._handed:
             raise self._stop(
                 RigError(
@@ -426,23 +423,55 @@ class BagWriter:
                     "the bag was ended in order where it is now"
                 )
             )
-        if free < needed:
+        if not os.access(self.folder, os.W_OK, effective_ids=True):
             raise self._stop(
-                DiskFull(
-                    f"{self.path} was ended in order at {kept}, before the disk is full: {free // 1024} kB are "
-                    f"left, and its end takes up to {needed // 1024} kB"
+                RigError(
+                    f"{self.folder} takes no more files at {kept}: it or its disk was made read-only; {self.path.name} was "
+                    "ended in order, without metadata.yaml"
                 )
             )
-        return free - needed
+
+    def _room(self) -> int:
+        """Return the bytes that the disk has left for chunks in front of the end of the bag."""
+        disk = os.fstatvfs(self._file.fileno())
+        waiting = self._file.tell() - self._handed  # in the file's buffer
+        return disk.f_bavail * disk.f_frsize - waiting - self._writer.size_of_end - OF_TOPIC * len(self._topics)
+
+    def _fits(self, size: int) -> bool:
+        """Return whether the disk has room for a chunk of so many bytes."""
+        self._left = self._room() - size
+        return self._left >= 0
+
+    def _end_before_full(self, reserve: int = RESERVE) -> None:
+        """End the bag in order, and raise DiskFull, where the disk took no further chunk or has less than the reserve left."""
+        if self._writer.complete and self._left >= reserve:
+            return
+        with suppress(OSError):
+            self._writer.flush()
+        self._last = self._writer.last
+        self._first = min(self._first, self._last)
+        for topic in self._topics.values():
+            topic.count = topic.before + self._writer.counts[topic.channel]
+        left = f"{max(0, self._left) // 1024} kB are left of the {reserve // 1024} kB that the other files of a run need"
+        why = left if self._writer.complete else "there is no room for what comes next"
+        raise self._stop(DiskFull(f"{self.path} was ended in order at {self._last / 1e9:.3f} s, before the disk is full: {why}"))
 
     def _stop(self, why: RigError, whole: bool = True) -> RigError:
-        """End the bag for a reason, which every later call repeats; one that is not ``whole`` any more is only closed."""
-        self._failure = type(why), str(why)
-        with suppress(OSError, RigError):
+        """End the bag for a reason, which every later call repeats; one that is not ``whole`` any more is only closed.
+
+        Returns the reason; where the disk does not take the end either, that.
+        """
+        try:
             if whole:
                 self.end("failed", str(why))
                 self._finish()
+        except OSError as error:
+            return self._fail(error)
+        except RigError:
+            pass  # metadata.yaml is missing, which no reader needs
+        with suppress(OSError):
             self._file.close()
+        self._failure = type(why), str(why)
         return why
 
     def close(self) -> None:
@@ -457,6 +486,8 @@ class BagWriter:
             with suppress(OSError):
                 self._file.close()
             return
+        self._guard(self._writer.flush)
+        self._end_before_full(0)
         self._guard(self._finish)
 
     def __enter__(self) -> BagWriter:
@@ -499,11 +530,12 @@ class BagWriter:
         self._first = self._last = 0
         self._kept = 0  # ns, up to which everything is handed to the operating system
         self._handed = 0  # bytes of the file until there
+        self._left = RESERVE  # bytes that the disk has left behind the newest chunk and the end
         self._unflushed: deque[tuple[int, int]] = deque()  # of McapWriter, once it has begun the file
         self._file = open(self.path, "xb", buffering=BUFFER)
 
     def _begin(self) -> McapWriter:
-        writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES, self._layout.packing == "chunk")
+        writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES, self._layout.packing == "chunk", self._fits)
         self._unflushed = writer.unflushed
         self._file.flush()
         return writer
