@@ -3,6 +3,7 @@
 
 """Wrong folders of rigs: one sentence for each fault, with file and line and what would be right."""
 
+import re
 import shutil
 
 import pytest
@@ -117,6 +118,12 @@ WRONG = {
         "part: ac_motor",
         r"rig\.yaml:\d+: parts\.motor\.part: there is no part 'ac_motor'; did you mean 'dc_motor'",
     ),
+    "a list of types": ("type: speed", "type: [speed]", r"rig\.yaml:\d+: transducers\.\w+\.type is \['speed'\], expected one of"),
+    "a list of parts": (
+        "part: dc_motor",
+        "part: [dc_motor]",
+        r"rig\.yaml:\d+: parts\.motor\.part: there is no part \['dc_motor'\]",
+    ),
     "no part": ("    part: dc_motor\n", "", "parts.motor lacks the key 'part'; known are centrifugal_clutch,"),
     "a part without its body": ("    part: dc_motor\n    body: input\n", "    part: dc_motor\n", "lacks the key 'body', a body"),
     "a name twice": ("  loss_in:\n", "  ring:\n", r"rig\.yaml:\d+: parts\.ring: there is 'ring' among the bodies already"),
@@ -227,3 +234,9 @@ def test_a_folder_without_its_file_is_refused_however_it_is_named(tmp_path, monk
             load_rig(str(name))
     (tmp_path / "hydmag").mkdir()
     assert load_rig("hydmag").name == "hydmag", "an installed rig, though a folder of that name is no rig"
+
+
+def test_gears_without_an_entry_are_none(tmp_path):
+    text = re.sub(r"^(gears):\n(  .*\n)+", r"\1:\n", THREE, flags=re.MULTILINE)
+    with pytest.raises(RigError, match=r"rig\.yaml:\d+: controller: the rig has no gears"):
+        load_rig(folder(tmp_path, text))

@@ -56,6 +56,7 @@ def test_its_limit_can_be_set_and_it_falls_away_with_its_transducer(variant):
         ('  fast: {signal: n_wej, above: [1 rpm, "a"], wait: 2}', "unknown key 'wait' in trips.fast"),
         ('  fast: {above: [1 rpm, "a"]}', "unknown key 'fast' in trips"),
         ("  fast: 3", "unknown key 'fast' in trips"),
+        ('  fast: {signal: [n_wej], above: [1 rpm, "a"]}', "there is no transducer"),
         ('  a-b: {signal: n_wej, above: [1 rpm, "a"]}', "letters, digits and _"),
     ],
 )
@@ -63,3 +64,13 @@ def test_what_is_no_trip_is_refused_with_file_and_line(variant, text, sentence):
     with pytest.raises(RigError) as refused:
         load_rig(variant(text + "\n"))
     assert sentence in str(refused.value) and "rig.yaml:4: " in str(refused.value)
+
+
+def test_trips_without_an_entry_are_none(variant):
+    assert load_rig(variant("")).trips == load_rig("hydmag").trips
+
+
+@pytest.mark.parametrize("text", ["  5", "  [fast]"])
+def test_trips_that_are_no_map_are_refused(variant, text):
+    with pytest.raises(RigError, match=r"rig\.yaml:\d+: trips must be a map of keys, found"):
+        load_rig(variant(text + "\n"))

@@ -335,9 +335,9 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
         for name in lacking:
             raise RigError(f"{where_of(path, node['names'], name)}: names.{name}: {unknown('signal', name, known)}")
     _check_view(config, node, path)
-    if TRIPS not in node:
+    if node.get(TRIPS) is None:
         return config
-    return read_trips(node[TRIPS], path, config)
+    return read_trips(node, path, config)
 
 
 def _check_errors_given(structure: Structure, node: Map, path: str | Path) -> None:

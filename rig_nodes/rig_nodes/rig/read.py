@@ -323,7 +323,7 @@ class _Reader:
                 what,
                 self.at(nodes, name),
             )
-            if node["type"] not in TRANSDUCER_TYPES:
+            if not isinstance(node["type"], str) or node["type"] not in TRANSDUCER_TYPES:
                 raise self.wrong(
                     node, "type", f"{what}.type is {brief(node['type'])}, expected one of {', '.join(TRANSDUCER_TYPES)}"
                 )

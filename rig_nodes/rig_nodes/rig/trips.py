@@ -221,14 +221,14 @@ def trip_settings(config: RigConfig) -> list[Setting]:
     return out
 
 
-def read_trips(node: Map, path: str | Path, config: RigConfig) -> RigConfig:
+def read_trips(rig: Map, path: str | Path, config: RigConfig) -> RigConfig:
     """Return a rig with the trips that its file describes, and the limits and delays that it gives the others.
 
     Parameters
     ----------
-    node : Map
-        What stands under ``trips``: by name a map with ``limit`` or ``delay``, each [value with unit, "its source"]; for a trip of
-        its own with ``signal``, a transducer, ``above`` or ``below``, and ``delay`` where it has one.
+    rig : Map
+        The rig's description, with ``trips``: by name a map with ``limit`` or ``delay``, each [value with unit, "its source"]; for
+        a trip of its own with ``signal``, a transducer, ``above`` or ``below``, and ``delay`` where it has one.
     path : str or Path
         The file.
     config : RigConfig
@@ -244,9 +244,14 @@ def read_trips(node: Map, path: str | Path, config: RigConfig) -> RigConfig:
     RigError
         With file and line, when something is not right.
     """
-    known, values, sources = {trip.name: trip for trip in config.trips}, {}, {}
-    own = [name for name in node if name not in known and isinstance(node[name], Mapping) and "signal" in node[name]]
-    check_keys(path, node, (*known, *own), (), TRIPS)
+    known, values, sources, node = {trip.name: trip for trip in config.trips}, {}, {}, rig[TRIPS]
+    here = where_of(path, rig, TRIPS)
+    own = [
+        name
+        for name in (node if isinstance(node, Map) else ())
+        if name not in known and isinstance(node[name], Mapping) and "signal" in node[name]
+    ]
+    check_keys(path, node, (*known, *own), (), TRIPS, here)
     for name in (name for name in node if name in known):
         check_keys(path, node[name], ("limit", "delay"), (), f"{TRIPS}.{name}", where_of(path, node, name))
         for key, entry in node[name].items():
@@ -273,7 +278,7 @@ def _own_trip(node: Map, path: str | Path, name: str, config: RigConfig) -> OwnT
         raise RigError(f"{line}: {what}: the name of a trip has letters, digits and _ only, found {brief(name)}")
     check_keys(path, one, ("signal", "above", "below", "delay"), ("signal",), what, line)
     known = {each.name: each for each in _fitted(config)}
-    if one["signal"] not in known:
+    if str(one["signal"]) not in known:
         raise RigError(f"{where_of(path, one, 'signal')}: {what}: {unknown('transducer', one['signal'], known)}")
     side = "above" if "above" in one else "below"
     if ("above" in one) == ("below" in one):

@@ -46,7 +46,7 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path: st
         system = build_driveline(structure, inertias, sections, lossless=True)
     except RigError as error:
         raise RigError(f"{_where_named(str(error), node, path)}: {str(error).removeprefix('driveline: ')}") from None
-    for gear, key in zip(structure.gears, node.get("gears", ())):
+    for gear, key in zip(structure.gears, node.get("gears") or ()):
         try:
             lets_go = overrunning(system, gear, structure.input.body, structure.output.body)
         except ValueError as error:

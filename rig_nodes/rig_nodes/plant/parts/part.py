@@ -280,7 +280,7 @@ def parts() -> list[str]:
 
 def is_part(name: object) -> bool:
     """Return whether a rig's description may use a type of device of this name; this imports its own module only."""
-    return (PARTS.has_own(str(name)) or name in PARTS.added()) and bool(part(str(name)).role)
+    return isinstance(name, str) and (PARTS.has_own(name) or name in PARTS.added()) and bool(part(name).role)
 
 
 def bodies_of(name: str, wires: Mapping[str, Any]) -> list[str]:
