@@ -4,7 +4,9 @@
 """The rig's writer of MCAP files compared with that of the library: the same calls give the same bytes."""
 
 import io
+import tracemalloc
 
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from rig_nodes.bags.mcap_writer import McapWriter
@@ -45,3 +47,27 @@ def test_a_file_without_a_message_is_the_librarys_too():
     library.finish()
     McapWriter(ours, "ros2", "a test", CHUNK_BYTES).finish()
     assert ours.getvalue() == theirs.getvalue()
+
+
+def test_a_long_file_has_its_whole_index_and_the_writer_keeps_little_of_it(tmp_path):
+    channels, chunks = range(1, 51), 1500
+    with open(tmp_path / "long.mcap", "wb") as file:
+        writer = McapWriter(file, "ros2", "a test", 1 << 20)
+        schema = writer.register_schema("a/msg/Type", "ros2msg", b"float64 value")
+        for channel in channels:
+            writer.register_channel(f"/topic_{channel}", "cdr", schema, {})
+        tracemalloc.start()
+        for chunk in range(chunks):
+            for channel in channels:
+                writer.add_message(channel, 100_000_000 * chunk + channel, b"12345678", chunk)
+            writer.flush()
+            if chunk == chunks // 3:
+                before, _ = tracemalloc.get_traced_memory()
+        grown = tracemalloc.get_traced_memory()[0] - before
+        tracemalloc.stop()
+        writer.finish()
+    with open(tmp_path / "long.mcap", "rb") as file:
+        index = make_reader(file).get_summary().chunk_indexes
+    assert [one.message_start_time for one in index] == [100_000_000 * chunk + 1 for chunk in range(chunks)]
+    assert {len(one.message_index_offsets) for one in index} == {len(channels)}
+    assert grown < 0.5 * chunks * 2 / 3 * 10 * len(channels), "of an entry of 10 bytes per chunk and channel"

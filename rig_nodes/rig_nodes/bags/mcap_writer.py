@@ -49,6 +49,7 @@ _INDICES = struct.Struct("<QI")  # behind the table: bytes of the indices, lengt
 _SIZES = struct.Struct("<QQ")  # behind that name: packed size, size
 _NONE = np.zeros(0, np.int64)
 _FOOTER = struct.Struct("<BQQQ")
+_KEPT = 1 << 17  # bytes of the chunks' index that are kept as they are
 _CHANNEL_COUNT, _REST = 10, 1024  # bytes of a channel in the statistics, and of all else in the end of a file, at most
 
 
@@ -85,7 +86,10 @@ class McapWriter:
         self._channels: list[Channel] = []
         self.counts: Counter[int] = Counter()  # messages in the file by channel
         self._described = 0  # bytes of the descriptions of schemas and channels
-        self._chunks, self._chunk_count = bytearray(), 0  # the index of the chunks as the file will hold it
+        self._chunks, self._chunk_count = bytearray(), 0  # the newest index of the chunks as the file will hold it
+        # what was before, packed: of an hour with fifty topics it is 25 MB
+        self._chunks_before: list[bytes] = []
+        self._bytes_before = 0
         self._metadata: list[MetadataIndex] = []
         self._first = self._last = 0  # first and last time of the messages in closed chunks
         # for each chunk that the file may still hold in its buffer: its end in the file, and the last time of its messages [ns]
@@ -165,7 +169,7 @@ class McapWriter:
     @property
     def size_of_end(self) -> int:
         """Bytes that :meth:`finish` writes behind the chunks, at most."""
-        return self._described + len(self._chunks) + _CHANNEL_COUNT * len(self._channels) + _REST
+        return self._described + self._bytes_before + len(self._chunks) + _CHANNEL_COUNT * len(self._channels) + _REST
 
     def flush(self) -> None:
         """Close the chunk in progress, unless it has no message, and hand everything to the operating system."""
@@ -189,7 +193,7 @@ class McapWriter:
             (Opcode.SCHEMA, map(_bytes, self._schemas)),
             (Opcode.CHANNEL, map(_bytes, self._channels)),
             (Opcode.STATISTICS, [_bytes(self._statistics())]),
-            (Opcode.CHUNK_INDEX, [self._chunks]),
+            (Opcode.CHUNK_INDEX, [*map(zlib.decompress, self._chunks_before), self._chunks]),
             (Opcode.ATTACHMENT_INDEX, []),
             (Opcode.METADATA_INDEX, map(_bytes, self._metadata)),
         ):
@@ -311,6 +315,10 @@ class McapWriter:
         )
         self._chunks += table.tobytes() + _INDICES.pack(len(index.records), len(compression)) + compression
         self._chunks += _SIZES.pack(len(packed), size)
+        if len(self._chunks) > _KEPT:
+            self._chunks_before.append(zlib.compress(self._chunks, 1))
+            self._bytes_before += len(self._chunks)
+            self._chunks.clear()
 
     def _index_of_parts(self) -> Index:
         begins, begin = [], 0  # of each record
