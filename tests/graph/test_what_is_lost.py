@@ -142,6 +142,17 @@ def test_a_full_disk_ends_simulate_with_a_sentence(nearly_full, rig_command):
     assert max(time for topic in bag.counts for time, _ in bag.messages(topic)) / 1e9 == pytest.approx(printed, abs=2e-3)
 
 
+def test_a_folder_that_is_made_read_only_ends_the_run_in_order(tmp_path, read_only):
+    run = RigRun(tmp_path / "run", "--speed", "1")
+    run.until("shift to I")
+    read_only(run.folder)
+    code, output = run.end()
+    last = output.splitlines()[-1]
+    assert code == 1 and "Traceback" not in output
+    assert "it or its disk was made read-only; short_0.mcap was ended in order" in last, output
+    assert Bag(run.folder).end["state"] == "failed"
+
+
 def test_a_run_whose_supervisor_was_killed_is_called_cut_off(tmp_path, capfd):
     run = RigRun(tmp_path / "run", "--speed", "1")
     run.until("shift to II")
