@@ -79,6 +79,15 @@ def test_metrics_by_hand():
     assert found["e_loss_settled_j"] > 0.0
 
 
+def test_a_peak_that_a_swing_behind_lock_up_exceeds_is_as_uncertain_as_the_end_of_its_window():
+    plain, early, late = (
+        uncertainty(ROW | {"input_torque_high_nm": 284.0, "t_high_s": at}, INSTRUMENTS, BOX) for at in (None, 0.64, 0.66)
+    )
+    slope = math.pi / 2.0 * (284.0 - 264.0) / 0.01  # the steepest of a quarter of a swing that takes 10 ms
+    assert early["input_torque_max_nm"] == plain["input_torque_max_nm"]
+    assert late["input_torque_max_nm"] == pytest.approx(plain["input_torque_max_nm"] + slope * late["t_c_s"])
+
+
 def test_better_instruments_give_smaller_errors_only_where_they_count():
     fine = {**INSTRUMENTS, "torque": Instrument(500.0, 0.02)}
     plain, better = (uncertainty(ROW, INSTRUMENTS, BOX), uncertainty(ROW, fine, BOX))

@@ -74,7 +74,7 @@ def test_a_shift_on_the_bench_is_that_of_the_sequence(config, bench):
         # the sequence waits a little longer before the shift, in which the piston of the open clutch goes back further
         assert quick[way].time == pytest.approx(row["t_c_s"], abs=0.012)
         assert quick[way].t_dt == pytest.approx(row["t_dt_s"], abs=0.014)
-        assert quick[way].peak == pytest.approx(row["input_torque_max_nm"], abs=3.0)
+        assert quick[way].peak == pytest.approx(row["input_torque_high_nm"], abs=3.0)
 
 
 def test_a_shift_does_not_depend_on_the_one_before(config, bench):

@@ -113,8 +113,17 @@ class ErrorBasis:
 
 
 def peak(basis: ErrorBasis) -> float:
-    """Return the error of the highest input torque [Nm]."""
-    return basis.peak(abs(basis.row["input_torque_max_nm"]))
+    """Return the error of the highest input torque [Nm].
+
+    Where a shaft swings on behind lock-up, the torque still rises as t_d ends, so that the error of this end counts by the
+    steepest slope of a swing that reaches its highest torque at that torque's time.
+    """
+    row = basis.row
+    found, high, at = row["input_torque_max_nm"], row.get("input_torque_high_nm"), row.get("t_high_s")
+    own = basis.peak(abs(found))
+    if basis.slip_end is None or None in (high, at, row["t_c_s"]) or at <= row["t_c_s"] or high <= found:
+        return own
+    return own + 0.5 * math.pi * (high - found) / (at - row["t_c_s"]) * basis.slip_end
 
 
 def speed_ratio(basis: ErrorBasis) -> float:

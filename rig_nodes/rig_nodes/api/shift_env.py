@@ -34,7 +34,7 @@ else:
 Box = gymnasium.spaces.Box
 ACTIONS = ("currents", "profile")
 # reward for a unit of each metric, in its unit of reports; energy counts in the step in which it is lost, the others at the end
-WEIGHTS = {"k": 1.0, "t_c_s": -1.0, "input_torque_max_nm": -0.005, "e_loss_j": -0.0005}
+WEIGHTS = {"k": 1.0, "t_c_s": -1.0, "input_torque_high_nm": -0.005, "e_loss_j": -0.0005}
 LOSS = "e_loss_j"
 FAILED = -10.0  # reward of the last step of a shift that a limit or a trip ends, or that is not valid
 STANDS = 1.0  # rad/s of the output, below which the drive is interrupted

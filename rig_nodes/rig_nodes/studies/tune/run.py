@@ -498,7 +498,7 @@ def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: W
     for way, where in problem.ranges.items():
         points += held(problem.config, where.inside(way, 3, problem.drawn(SHOWN)))[0]
     found = judge.as_measured(problem.config, both.values(), points, workers, 1)
-    keys = ("input_torque_max_nm", "t_dt_s", "t_c_s", "k")
+    keys = ("input_torque_high_nm", "t_dt_s", "t_c_s", "k")
     return [
         {"point": point.text(), **{name: None if row is None else {key: row[key] for key in keys} for name, row in zip(both, rows)}}
         for point, *rows in zip(points, *found)
@@ -569,5 +569,5 @@ def _cell(row: dict | None) -> str:
     if row is None:
         return "no shift"
     return (
-        f"{row['input_torque_max_nm']:.0f} Nm, t_d {row['t_dt_s'] * 1e3:.0f} ms, t_c {row['t_c_s'] * 1e3:.0f} ms, k {row['k']:.3f}"
+        f"{row['input_torque_high_nm']:.0f} Nm, t_d {row['t_dt_s'] * 1e3:.0f} ms, t_c {row['t_c_s'] * 1e3:.0f} ms, k {row['k']:.3f}"
     )
