@@ -121,7 +121,7 @@ def test_the_cause_of_one_peak_is_the_same_for_every_seed_and_its_remedy_helps(s
 def test_a_clutch_that_comes_too_late_is_a_hole_and_the_delay_its_remedy(simulated):
     late = "alfa46.t12=0 ms"
     text, row, _ = verdict(simulated("--set", late))
-    assert "a torque hole: engage S2 earlier or release S1 later" in text and "tie-up" not in text
+    assert "no clutch carries the load: engage S2 earlier or release S1 later" in text and "tie-up" not in text
     assert row["overlap_s"] < -0.1 and row["interrupted_s"] > 0.1
     mended, earlier, _ = verdict(simulated())
     assert "hole" not in mended and earlier["k"] > row["k"] + 0.3

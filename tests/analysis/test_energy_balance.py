@@ -82,7 +82,7 @@ def test_energies_out_of_a_bag():
         "/clutch_s2/state": {"heat": 30.0 * T},
         "/gearbox/state": {"heat": 10.0 * T, "speed_in": 100.0 + T, "speed_out": 80.0 - T},
     }
-    bag = SimpleNamespace(fields=fields, structure=load_rig("hydmag").structure, transmission=BOX)
+    bag = SimpleNamespace(fields=fields, structure=load_rig("chapter9").structure, transmission=BOX)  # all turns with its shafts
     box = replace(BOX, inertias=Inertias(driving=2.0, driven=1.0, reduction=41 / 40))
     energies = energies_of(bag, box)
     result = balance(energies, 0.0, 1.0, BOX)

@@ -41,8 +41,8 @@ class Logged:
 
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.2])
 def test_a_changed_inertia_comes_back_within_2_percent(share):
-    true = BASE.w0.inertia * share
-    bench = Logged(BASE.replaced(w0=dataclasses.replace(BASE.w0, inertia=true)))
+    true = BASE.transmission.inertias.driving * share
+    bench = Logged(BASE.replaced(rotor=dataclasses.replace(BASE.rotor, inertia=true - BASE.w0.inertia)))
     bench.rig.set("motor", 470.0 * pi / 30.0, True)
     bench.advance(4.0)
     bench.rig.set("motor", 0.0, False)

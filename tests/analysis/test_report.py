@@ -51,6 +51,7 @@ def state_messages(length=3.0):
         "/clutch_s1/state": topic(heat=150.0),
         "/clutch_s2/state": topic(heat=49.0),
         "/gearbox/state": topic(heat=0.0, speed_in=0.0, speed_out=0.0),
+        "/rig/state": topic(energy_residual=1.0),
     }
 
 

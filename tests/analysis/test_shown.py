@@ -11,7 +11,7 @@ from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.display import shown, shown_shortly
 from rig_nodes.analysis.measured_error import instruments_of, uncertainty
-from rig_nodes.analysis.moved import moved_lines
+from rig_nodes.analysis.moved import differences, moved_lines
 from rig_nodes.analysis.report_text import format_report
 from rig_nodes.analysis.results import results_of, spread, spread_lines
 from rig_nodes.analysis.run_report import build_report
@@ -61,6 +61,13 @@ def test_no_output_prints_a_number_whose_error_is_larger(report):
         for value in ("336", "444", r"77\.7", "78"):
             assert not re.search(rf"(?<![\d<.]){value}(?!\d)", re.sub(r"<\w[^>]*>|<\d[\d.]*", "", text)), (name, value)
     assert "<999" in outputs["terminal"] and "<999" in outputs["moved"] and "&lt;999" in outputs["page"]
+
+
+def test_a_torque_that_only_goes_from_one_level_to_the_other_has_no_time_of_its_lowest(report):
+    row = report["shifts"][1] | {"input_torque_low_nm": 70.0, "t_low_s": None}
+    level = report | {"shifts": [report["shifts"][0], row]}
+    (found,) = (one for one in differences(level, level) if (one["shift"], one["metric"]) == (2, "t_low_s"))
+    assert found["reason"] == "both: the torque did not go beyond those before and after the shift"
 
 
 def test_a_peak_of_a_quick_shift_has_the_error_of_its_own_rise(report):

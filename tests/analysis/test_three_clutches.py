@@ -147,7 +147,7 @@ def test_the_energy_balance_has_the_heat_of_all_clutches():
         }[topic]
         return t, [values[name] for name in names]
 
-    account = balance(energies_of(SimpleNamespace(fields=fields, structure=load_rig("hydmag").structure), BOX), 0.0, 1.0, BOX)
+    account = balance(energies_of(SimpleNamespace(fields=fields, structure=load_rig("chapter9").structure), BOX), 0.0, 1.0, BOX)
     assert clutch_heat(account, BOX) == pytest.approx(60.0)
     assert account["residual_j"] == pytest.approx(0.0, abs=1e-9)
 

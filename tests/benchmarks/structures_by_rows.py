@@ -20,23 +20,24 @@ from rig_nodes.runs import Workers
 from rig_nodes.studies import INSIDE
 
 RUN = tuple(name for name in PROCEDURES if name not in BENCHES)
-SHAFT = """\
-description: HydmAG with a compliant input shaft
+RIGID = """\
+description: HydmAG with a rigid input shaft
 base: hydmag
 bodies:
-  rotor: {inertia: [0.6546 kg m2, "0.709 less the gearbox's 0.0544"]}
-  w0: {inertia: [0.0544 kg m2, "thesis tab. 3.2 reduced to w0"]}
+  rotor: ~
+  w0: {inertia: [0.709 kg m2, "thesis 7.3.1: driving side on w0, motor included, by coast-down"]}
 shafts:
-  input_shaft:
-    joins: [rotor, w0]
-    stiffness: [8000 Nm/rad, "assumed: 0.8 m of steel shaft of 30 mm with its couplings and the meter's torsion bar"]
-    damping: [2.5 Nm s/rad, "assumed: 6 % of critical at 63 Hz"]
+  input_shaft: ~
 parts:
-  motor: {body: rotor}
-  M_wej: ~
+  motor: {body: w0}
+  M_wej:
+    part: torque_meter
+    body: w0
+    source: motor
+    inertia: [0.0544 kg m2, "as w0 in the rig"]
+    side: [within, "the rest of the inertia of w0 is the motor's"]
 transducers:
-  M_wej: {type: torque, shows: input_shaft.torque, at: motor, range: [-500 Nm, 500 Nm],
-    sign: positive when the motor drives the gearbox, text: "Torque in the input shaft w0, between motor and gearbox."}
+  M_wej: {shows: M_wej}
 """
 
 
@@ -77,13 +78,13 @@ TOGETHER = {
 LIGHT, BREAK = {"input_shaft.damping": "1.5 Nm s/rad"}, {"plate_pack.break_slip": "1 mm"}
 DRAIN = {"valve_zr_p2.drain_bore_area": "0.22 mm2"}
 STRUCTURES = {
+    "rigid input shaft": Structure(rig=RIGID),
     "drain bore of ZR-P2 0.22 mm2": Structure(DRAIN),
     "break-away within 0.5 mm of slip": Structure({"plate_pack.break_slip": "0.5 mm"}),
-    "input shaft of 8000 Nm/rad, 6 %": Structure(rig=SHAFT),
-    "4 %": Structure(LIGHT, SHAFT),
-    "4 %, break-away within 1 mm": Structure({**LIGHT, **BREAK}, SHAFT),
-    "4 %, break-away, drain bore of ZR-P2 0.22 mm2": Structure({**LIGHT, **BREAK, **DRAIN}, SHAFT),
-    "4 %, break-away, hose and drain, calibrated": Structure({**LIGHT, **TOGETHER}, SHAFT),
+    "shaft of 4 % of critical": Structure(LIGHT),
+    "4 %, break-away within 1 mm": Structure({**LIGHT, **BREAK}),
+    "4 %, break-away, drain bore of ZR-P2 0.22 mm2": Structure({**LIGHT, **BREAK, **DRAIN}),
+    "4 %, break-away, hose and drain, calibrated": Structure({**LIGHT, **TOGETHER}),
 }
 
 

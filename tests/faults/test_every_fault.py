@@ -25,7 +25,7 @@ SIGNS = {
     "clutch_s2.worn": ("n_wyj", -10.0, None),
     "clutch_s2.tight": ("n_wyj", None, 10.0),
     "clutch_s2.spring": ("n_wyj", None, 1.0),
-    "clutch_s1.seized": ("M_wej", None, 50.0),
+    "clutch_s1.seized": ("n_wyj", -5.0, None),
     "clutch_s2.warped": ("n_wyj", None, 10.0),
     "clutch_s2.leaking_line": ("p2", -1e6, None),
     "clutch_s2.leaking_piston": ("p2", -1e6, None),

@@ -36,11 +36,11 @@ RPM = pi / 30.0
 # slips from the speeds (w_wej, w_wyj), by the teeth of tab. 3.2: wheel z3 less w_pos, w0 less wheel z5
 SLIPS = ((34 / 47, -41 / 41), (1.0, -41 / 40))
 STUCK = 0
-W_IN, W_OUT, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(7)
+W_IN, W_OUT, W_ROTOR, TWIST, TORQUE, INTEGRAL, LOAD, SUPPLY, FIRST = range(9)
 SPOOL, LINE, CHAMBER, PISTON, EMPTY, HELD, REST, BOUNDARY, HEAT, WEAR, PER_CLUTCH = range(11)
-# absolute tolerances, each far below the compared differences: rad/s, Nm, Pa; m, Pa, m3, N, shares, K, m
+# absolute tolerances, each far below the compared differences: rad/s, rad, Nm, Pa; m, Pa, m3, N, shares, K, m
 PER_PACK = (1e-13, 1e-2, 1e-2, 1e-13, 1e-13, 1e-6, 1e-9, 1e-9, 1e-9, 1e-20)
-ATOL = (1e-9, 1e-9, 1e-7, 1e-7, 1e-1, 1e-1, *2 * PER_PACK)
+ATOL = (1e-9, 1e-9, 1e-9, 1e-11, 1e-7, 1e-7, 1e-1, 1e-1, *2 * PER_PACK)
 CHANNELS = ("M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2", "p_p")
 
 
@@ -68,7 +68,7 @@ class Equations:
 
     def __init__(self, config, start: Start):
         self.start = start
-        names = ("motor", "load_pump", "oil_supply", "loss_in", "loss_out", "w0", "M_wej", "M_wyj", "alfa46")
+        names = ("motor", "load_pump", "oil_supply", "loss_in", "loss_out", "rotor", "input_shaft", "M_wyj", "alfa46")
         self.c = SimpleNamespace(**{name: getattr(config, name) for name in names})  # found faster than in a RigConfig
         self.valves = (config.valve_zr_p1, config.valve_zr_p2)
         self.cylinders = (config.clutch_s1, config.clutch_s2)
@@ -233,6 +233,11 @@ class Equations:
         gap = max((x.clearance + z[WEAR] - z[PISTON]) / pack.surfaces, pack.film_gap)
         return torque, self.film * self.viscosity(z[HEAT]) / gap * max(0.0, 1.0 - force / pack.film_force)
 
+    def twisted(self, y):
+        """Returns the torque of the input shaft, which its meter shows."""
+        shaft = self.c.input_shaft
+        return shaft.stiffness * y[TWIST] + shaft.damping * (y[W_ROTOR] - y[W_IN])
+
     def shafts(self, y, capacities):
         """Returns the motion of the shafts in the present modes.
 
@@ -265,7 +270,7 @@ class Equations:
                 loss_in += by_load * min(1.0, w[1] / w[0])  # the loss takes the same power
             else:
                 loss_out += by_load
-            free = [y[TORQUE] - loss_in, -load - loss_out]
+            free = [self.twisted(y) - loss_in, -load - loss_out]
             torques = [mode * capacity[0] for mode, capacity in zip(self.modes, capacities)]
             for k, (a, b) in enumerate(SLIPS):
                 free[0] -= a * (viscous[k] + torques[k])
@@ -296,9 +301,9 @@ class Equations:
         y = y.tolist()
         parts, oil, _, (accelerations, torques, viscous, slips, _) = self.whole(t, y)
         c, m = self.c, self.c.motor
-        upper = min(m.torque_limit, m.power_limit / max(y[W_IN], 1.0))
+        upper = min(m.torque_limit, m.power_limit / max(y[W_ROTOR], 1.0))
         lower = -min(m.braking_limit, upper)
-        error = self.start.motor - y[W_IN]
+        error = self.start.motor - y[W_ROTOR]
         integral = m.speed_gain_integral * error
         if (y[INTEGRAL] >= upper and integral > 0.0) or (y[INTEGRAL] <= lower and integral < 0.0):
             integral = 0.0
@@ -309,6 +314,8 @@ class Equations:
         supply = max(0.0, self.start.oil - c.oil_supply.relief_droop * drawn)
         out = [
             *accelerations,
+            (y[TORQUE] - self.twisted(y)) / c.rotor.inertia,
+            y[W_ROTOR] - y[W_IN],
             (asked - y[TORQUE]) / m.torque_time,
             integral,
             (relief - y[LOAD]) / c.load_pump.pressure_time,
@@ -326,10 +333,9 @@ class Equations:
         return out
 
     def meters(self, t, y):
-        """Returns the logger's readings in the order of CHANNELS; the torque meters are outside the gearbox's own inertia."""
-        *_, (accelerations, *_, meter) = self.whole(t, y.tolist())
-        m_wej = y[TORQUE] - (self.c.w0.inertia - self.c.M_wej.inertia) * accelerations[0]
-        return m_wej, y[W_IN], meter, y[W_OUT], y[FIRST + CHAMBER], y[FIRST + PER_CLUTCH + CHAMBER], y[SUPPLY]
+        """Returns the logger's readings in the order of CHANNELS; the output's meter is outside the gearbox's own inertia."""
+        *_, meter = self.whole(t, y.tolist())[-1]
+        return self.twisted(y), y[W_IN], meter, y[W_OUT], y[FIRST + CHAMBER], y[FIRST + PER_CLUTCH + CHAMBER], y[SUPPLY]
 
     # ---- stick and slip
 

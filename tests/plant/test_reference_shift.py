@@ -48,6 +48,8 @@ def state_of(rig):
     y = [
         rig.true("w0.speed"),
         rig.true("wk.speed"),
+        rig.true("rotor.speed"),
+        float(rig.entries("twist")[0]),
         rig.motor["torque"],
         rig.motor["integral"],
         rig.load["pressure"],

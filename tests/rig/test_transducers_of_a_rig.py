@@ -79,7 +79,7 @@ def test_each_type_of_transducer_has_a_quantity_a_dimension_and_a_range():
 
 
 P_MORE = "  p_more: {type: pressure, like: p1, shows: clutch_s1.pressure, at: clutch_s1, range: [0 MPa, 40 MPa], text: Another.}\n"
-M_MORE = "  M_more: {type: torque, shows: M_wej, at: motor, range: [-500 Nm, 500 Nm], text: A second torque meter.}\n"
+M_MORE = "  M_more: {type: torque, shows: input_shaft.torque, at: motor, range: [-500 Nm, 500 Nm], text: A second torque meter.}\n"
 T_MORE = (
     "  T_more: {type: temperature, logged: no, shows: oil_supply.oil_temperature, at: oil_supply, range: [0 degC, 120 degC], "
     "text: A second thermometer.}\n"
@@ -120,7 +120,7 @@ WRONG = {
         "source, or share the errors of others by like: p1$",
     ),
     "a torque with the errors of a pressure": (
-        "transducers:\n" + M_MORE.replace("torque, ", "torque, like: p1, "),
+        "transducers:\n" + M_MORE.replace("type: torque, ", "type: torque, like: p1, "),
         r"variant/rig\.yaml:4: transducers\.M_more has the errors of 'p1', which are those of p1, a transducer of type pressure",
     ),
     "a range beyond the instrument": (
@@ -148,7 +148,7 @@ def test_a_transducer_that_cannot_be_is_refused_where_it_stands(variant, what):
 
 
 def test_a_variant_with_meters_of_other_names_is_told_what_to_write_and_where(variant):
-    meter = "{type: torque, shows: M_wej, at: motor, range: [-500 Nm, 500 Nm], text: A meter.}"
+    meter = "{type: torque, shows: input_shaft.torque, at: motor, range: [-500 Nm, 500 Nm], text: A meter.}"
     folder = variant(f"transducers:\n  M_wej: ~\n  M_in: {meter}\n")
     with pytest.raises(RigError, match=r"; write in \S*variant/rig\.yaml input: \{torque: M_in\}, because"):
         load_rig(folder)

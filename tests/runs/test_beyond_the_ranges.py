@@ -143,9 +143,10 @@ def drawn(rng):
         part = rng.choice(
             [
                 "motor",
+                "rotor",
                 "w0",
                 "z5",
-                "M_wej",
+                "input_shaft",
                 "M_wyj",
                 "loss_in",
                 "loss_out",

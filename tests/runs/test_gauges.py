@@ -73,8 +73,8 @@ def turned(rig, rpm: float = 1500.0) -> Rig:
 
 def truth(rig) -> dict:
     return {
-        "M_wej": rig.true("M_wej"),
-        "n_wej": rig.v[0],
+        "M_wej": rig.shown_truly("M_wej"),
+        "n_wej": rig.true("w0.speed"),
         "M_wyj": rig.true("M_wyj"),
         "n_wyj": rig.true("wk.speed"),
         "p1": rig.line_pressure(0),

@@ -66,7 +66,7 @@ def test_a_member_of_a_sweep_that_trips_is_a_row_with_the_reason(tmp_path, capsy
     spoil(300, lambda rig: rig.config.alfa46.values.t12 > -0.22)
     sweep = ["sweep", "sample", "--vary", "alfa46.t12=-250 ms, -200 ms", "--jobs", "1", *bags, "--out"]
     assert main([*sweep, str(tmp_path / "s")]) == 0, "a sweep goes on past a row that trips"
-    assert "1 did not end: clutch_s1: temperature became nan between 0.300 s and 0.301 s" in capsys.readouterr().out
+    assert "1 did not end: clutch_s2: temperature became nan between 0.300 s and 0.301 s" in capsys.readouterr().out
     rows = pq.read_table(tmp_path / "s" / "results.parquet").to_pylist()
     assert [row["end"] for row in rows] == ["ended", "tripped"]
     assert "between 0.300 s and 0.301 s" in rows[1]["reason"] and rows[1]["t_c_s"] is None

@@ -212,7 +212,7 @@ def test_mistakes_in_a_sequence_are_named_with_what_would_be_right(tmp_path, old
         ("alfa64.t12", "1 ms", "there is no value 'alfa64.t12'; did you mean 'alfa46.t12'"),
         ("t12", "1 ms", "there is no value 't12'; did you mean 'alfa46.t12'"),
         ("motor", "1", "'motor' is a part of the rig; name one of its values, e.g. motor.torque_limit"),
-        ("kitchen", "1", "there is no part of the rig 'kitchen'; known are kernel, cut, w0, z5, motor"),
+        ("kitchen", "1", "there is no part of the rig 'kitchen'; known are kernel, cut, rotor, w0, z5, input_shaft, motor"),
     ],
 )
 def test_settings_say_the_range_in_the_unit_that_was_typed_and_what_was_meant(key, text, sentence):

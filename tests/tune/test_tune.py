@@ -373,7 +373,8 @@ def test_a_scout_lowers_the_worst_shift_and_goes_on_as_if_not_stopped(config):
 
     before, after = found(space.values_of(config.alfa46, "II-I", transmission_of(config))), found(best[0])
     assert before["value"] == pytest.approx(1.0, abs=1e-6) and after["tried"] == 2
-    assert after["value"] == pytest.approx(min(e["value"] for e in whole.entries)) and after["value"] < 1.0
+    assert after["value"] == pytest.approx(min(e["value"] for e in whole.entries))
+    assert after["value"] < min(e["value"] for e in whole.entries[:16]), "the best of the first generation"
     short = found(space.values_of(config.alfa46, "II-I", transmission_of(config)), cut=0.9)
     assert short["tried"] == 1 and short["value"] == pytest.approx(0.9 + 0.5)  # one of two was left to try
 

@@ -80,6 +80,16 @@ def cause_of_time(row: Mapping, box: Transmission, limit: float) -> str:
         return ""
     if held > none:
         return f"{old} holds for {1e3 * held:.0f} ms after {new} has begun to carry, a tie-up: release {old} earlier"
+    return cause_of_dip(row, box)
+
+
+def cause_of_dip(row: Mapping, box: Transmission) -> str:
+    """Return for how long no clutch carried the load, with the remedy; empty for a shift in which the drive was not interrupted."""
+    none = row.get("interrupted_s") or 0.0
+    if none < LEAST_TIME:
+        return ""
+    moved = box.shift(row["from_gear"], row["to_gear"])
+    old, new = _named(moved.releasing, "the old gear"), _named(moved.engaging, "the new gear")
     return f"for {1e3 * none:.0f} ms no clutch carries the load: engage {new} earlier or release {old} later"
 
 

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
 STATE = ("torque", "slip")
 SHAFTS, SPEEDS = "/gearbox/state", ("speed_in", "speed_out")
-CORNER, SLOPE = 1e-3, 8e-3  # s; an acceleration is taken over SLOPE, up to CORNER before the instant, because lock-up is a corner
+# s; an acceleration is taken over SLOPE, which a shaft's swing of some 60 Hz asks for, or the LEAST rows of a slower logger up to
+# SLOWEST: around an instant behind lock-up, else up to CORNER before the instant, because lock-up is a corner
+CORNER, SLOPE, SLOWEST, LEAST = 1e-3, 4e-3, 8e-3, 4
 LEAST_SLIP = 1.0  # rad/s of a gear at the input, from which it shows the ratio between a clutch's torque and the input's
 TORQUE_ERROR = 1.01  # Nm, thesis tab. 7.1
 
@@ -35,8 +37,8 @@ def split_by_logger(shift: CutShift, at: int) -> dict[str, float] | None:
     """Return the torques of both clutches from the logger's channels.
 
     With ``a`` and ``b`` the ratios of both gears, the torques A and B that their clutches pass on from the input shaft satisfy
-    A + B = M_in and a A + b B = M_out + J dw_out/dt + loss; the loss is that before the order. A clutch whose pressure lies below
-    its kiss pressure carries nothing, which needs no second balance.
+    A + B = M_in - J_w dw_in/dt and a A + b B = M_out + J dw_out/dt + loss; J_w are the wheels behind the input's meter, the loss is
+    that before the order. A clutch whose pressure lies below its kiss pressure carries nothing, which needs no second balance.
 
     Parameters
     ----------
@@ -50,10 +52,12 @@ def split_by_logger(shift: CutShift, at: int) -> dict[str, float] | None:
     dict or None
         ``releasing``, ``engaging`` and their largest ``error`` [Nm]; None from neutral and next to the order.
     """
-    box, corner, span = shift.box, shift.samples(CORNER), shift.samples(SLOPE)
-    if shift.old is None or at - corner - span < 0 or span < 4:
+    box, corner, span = shift.box, shift.samples(CORNER), max(LEAST, shift.samples(SLOPE))
+    if shift.old is None or at - corner - span < 0 or span * shift.period > SLOWEST:
         return None
-    part = slice(at - corner - span, at - corner)
+    swings = shift.end is not None and at > shift.end + span // 2 + corner
+    behind = min(at + span // 2, shift.raw[box.input.speed].size) if swings else at - corner
+    part = slice(behind - span, behind)
     a, b = box.ratios[shift.old], box.ratios[shift.new]
     carried = float(shift.smooth[box.input.torque][at])
     for clutches, empty, full in (
@@ -63,8 +67,12 @@ def split_by_logger(shift: CutShift, at: int) -> dict[str, float] | None:
         if clutches and not pressed(shift, clutches)[at - shift.order]:
             return {full: carried, empty: 0.0, "error": TORQUE_ERROR}
     loss = a * shift.before(box.input.torque) - shift.before(box.output.torque)
-    growth = float(np.polyfit(shift.period * np.arange(span), shift.raw[box.output.speed][part], 1)[0])
+    of_input, growth = (
+        float(np.polyfit(shift.period * np.arange(span), shift.raw[end.speed][part], 1)[0]) for end in (box.input, box.output)
+    )
     into, out = (float(np.mean(shift.raw[end.torque][part])) for end in (box.input, box.output))
+    swung = box.inertias.wheels * of_input
+    into, carried = into - swung, carried - swung
     engaging = (a * into - out - loss - box.inertias.on_output * growth) / (a - b)
     error = (abs(loss) + TORQUE_ERROR * (abs(a) + 1.0)) / abs(a - b)
     return {"releasing": carried - engaging, "engaging": engaging, "error": error}

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ..rig import Transmission
-from .causes import cause, cause_of_time
+from .causes import cause, cause_of_dip, cause_of_time
 from .course import LEAST_TORQUE, asked_of_input
 from .definitions import RPM, STANDSTILL
 
@@ -86,7 +86,11 @@ def _of_speed(row: Mapping, box: Transmission) -> list[tuple[str, str]]:
     share = min(row["k"], min(lowest) / row["input_speed_rpm"] * box.slower_ratio(row["from_gear"], row["to_gear"]))
     if share >= K_DIP:
         return []
-    why = cause(row, box, "low") if _hole(row, box) is None else ""
+    low, slow = cause(row, box, "low"), _slowest(row)
+    why = low if _hole(row, box) is None else ""
+    # said where neither the torque's hole nor the time has this remedy already
+    if "hole" not in low and (row["t_c_s"] is None or row["t_c_s"] <= slow or not cause_of_time(row, box, slow)):
+        why = cause_of_dip(row, box) or why
     text = f"the output dipped to {100.0 * share:.0f} % of its speed in the slower gear{_because(why)}"
     return [(FAILED if share < K_LOST else POOR, text)]
 

@@ -48,7 +48,7 @@ def assert_shift(run: Run, way: str, **limits: str) -> None:
     >>> rig_nodes.assert_shift(run, "I-II", t_c="< 700 ms", k="> 0.9")
     >>> rig_nodes.assert_shift(run, "I-II", t_c="< 600 ms")
     Traceback (most recent call last):
-    AssertionError: shift 1, I -> II at 3.85 s: t_c is 673 +- 1 ms, expected < 600 ms
+    AssertionError: shift 1, I -> II at 3.85 s: t_c is 672 +- 1 ms, expected < 600 ms
     """
     __tracebackhide__ = True
     report = run.report

@@ -89,6 +89,8 @@ _RENAMED = {"rig_msgs/msg/GearboxState": {"w_wej": "speed_in", "w_wyj": "speed_o
 _SHAPES = {("rig_msgs/msg/ControllerSample", "float64 n_wej"): _sample, ("rig_msgs/msg/ValveCommand", "float64[3] duty"): _command}
 
 
+# the rig whose input shaft is rigid as in older records of the gearbox, what they take from it, and what they do not have
+_RIGID = "chapter9", ("structure", "w0", "M_wej"), ("rotor", "input_shaft")
 # older records: kind -> (installed rig, moved values: old section and value -> today's section and value, renamed sections)
 _GEARBOX_MOVED = {
     ("gearbox", "inertia_in"): ("w0", "inertia"),
@@ -117,7 +119,8 @@ _RECORDS = {"gearbox": ("hydmag", _GEARBOX_MOVED, {}), "clutch_bench": ("clutch_
 def record_of_today(record: Mapping) -> Mapping:
     """Return a rig's record as RigConfig.as_dict makes it today; a record that is not of an older form is returned unchanged.
 
-    The structure, and the values that older records did not have, are those of the installed rig.
+    The structure, and the values that older records did not have, are those of the installed rig; the input shaft of an older
+    gearbox is rigid.
 
     Parameters
     ----------
@@ -141,6 +144,10 @@ def record_of_today(record: Mapping) -> Mapping:
 
     rig, moved, renamed = _RECORDS[kind]
     out = deepcopy(load_rig(rig).as_dict())
+    if kind == "gearbox":
+        stiff, taken, left_out = _RIGID
+        out = {name: values for name, values in out.items() if name not in left_out}
+        out |= {name: deepcopy(load_rig(stiff).as_dict()[name]) for name in taken}
     for then, values in record.items():
         name = renamed.get(then, then)
         if isinstance(values, Mapping):

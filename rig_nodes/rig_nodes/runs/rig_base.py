@@ -190,7 +190,7 @@ class RigBase(ABC):
         return self.world.state(name)
 
     def true(self, what: str) -> float:
-        """Return a true number of the plant by its name in the rig's plan: "M_wej", "wk.speed", "clutch_s1.pressure"."""
+        """Return a true number of the plant by its name in the rig's plan: "M_wyj", "wk.speed", "clutch_s1.pressure"."""
         return float(self.world.numbers[self.world.number(what)])
 
     def shown_truly(self, channel: str) -> float:

@@ -53,7 +53,7 @@ class Port(NamedTuple):
     """The plant's side at one sample, SI: everything that the device needs; a value that a device does not have is 0."""
 
     tick: float  # time for which each side holds the values of the other one [s]
-    speed: float = 0.0  # motor: of w0; load pump: of wk
+    speed: float = 0.0  # of its body
     pressure: float = 0.0  # valve: of the port, gauge
     supply: float = 0.0  # valve: of its supply, gauge
     current: float = 0.0  # valve: in the coil's wires

@@ -265,7 +265,7 @@ def steady_torque(config: RigConfig, gear: int, speed: float, load: float) -> fl
     _go(rig, 2000)
     rig.set("load", relief_setting_for(load, rig.speed_at("load_pump"), config.load_pump), load > 0.0)
     _go(rig, 3000)
-    return rig.true("M_wej")
+    return rig.shown_truly("M_wej")
 
 
 def loss_misses(config: RigConfig, targets: dict[str, Target]) -> list[Miss]:
