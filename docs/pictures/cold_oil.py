@@ -30,8 +30,9 @@ KEPT = {"effects.transducers": "off", "oil_supply.tank_heat_capacity": "0 J/K"}
 
 
 def at_rest(temperature: float) -> Rig:
-    """A rig with oil of this temperature, its supply up and all at rest."""
-    rig = Rig(load_rig("hydmag", {**KEPT, "oil_supply.temperature": f"{temperature} degC"}))
+    """A rig with oil of this temperature, its supply up and all at rest; no pressure of thick oil trips it."""
+    config = load_rig("hydmag", {**KEPT, "oil_supply.temperature": f"{temperature} degC"})
+    rig = Rig(config.replaced(trips_watched=False))
     rig.set("oil", 4e6, True)
     rig.advance_samples(500)
     return rig
