@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rclpy.action import ActionClient
 from rig_msgs.action import RunSequence, Shift
-from running_graph import SHORT, Client, Graph
+from running_graph import PATIENCE, SHORT, Client, Graph
 from std_srvs.srv import Trigger
 
 import rig_nodes.controllers
@@ -124,3 +124,15 @@ def test_a_process_that_keeps_dying_ends_the_run(tmp_path):
         end = graph.close()
     assert end.state == "failed" and "sequencer killed by signal 9" in end.reason
     assert (graph.folder / "logs" / "sequencer-4.log").exists()
+
+
+def test_a_process_that_cannot_be_started_again_ends_the_rig_with_both_reasons(tmp_path):
+    graph = Graph(tmp_path / "run")
+    (graph.folder / "logs").rename(tmp_path / "others")
+    graph.supervisor.children["sequencer"].signal(signal.SIGKILL)
+    assert graph.supervisor.ended.wait(PATIENCE)
+    end = graph.close()
+    assert end.state == "failed"
+    assert end.reason.startswith("sequencer killed by signal 9 (SIGKILL) and cannot be started again: ")
+    assert "logs/sequencer-2.log cannot be written (No such file or directory)" in end.reason
+    assert Bag(graph.folder).end["reason"].startswith("sequencer killed by signal 9")

@@ -25,7 +25,7 @@ import sys
 from pathlib import Path
 
 from rig_nodes import __version__
-from rig_nodes.base import Group, Lacking, Parser, RigError, Terminated, ended_by, need_ros, optional, printable
+from rig_nodes.base import Group, Lacking, Parser, RigError, Terminated, ended_by, need_ros, not_written, optional, printable
 from rig_nodes.cli.output_files import check_outputs
 
 TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 VERBS = Group("verbs", "verb", __package__, "HELP")
 IN_CHECKOUT = (Path(__file__).parents[3] / "rig").is_file()  # where the command is ./rig; elsewhere it is on the path
+# errors of any file that is written, whatever the verb: full, over a quota or limit, read-only, broken
+OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 EXTRAS = {"ros": lambda verb: need_ros(f"rig {verb}"), "view": lambda _: optional("rerun", "view")}
 
 
@@ -228,6 +230,10 @@ def _answer(arguments: list[str], started: bool) -> int:
         _drop_output()  # the reader (head, less) has ended: this is not an error
         return 141
     except OSError as error:
+        if error.errno in OF_THE_DISK:
+            failure = not_written(error.filename or "what this makes", error)
+            print(f"rig: {printable(failure)}; what was begun is not finished", file=sys.stderr)
+            return 1
         if error.errno not in (errno.EMFILE, errno.ENFILE):
             raise
         allowed = resource.getrlimit(resource.RLIMIT_NOFILE)[0]

@@ -22,7 +22,7 @@ import sys
 from multiprocessing import connection, forkserver, get_context, resource_tracker
 from pathlib import Path
 
-from ...base import RigError
+from ...base import RigError, not_written
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PRELOADED = "rig_nodes.nodes.preloaded"
@@ -100,11 +100,14 @@ class Child:
         self._rest = b""
         self.silent = False  # True: the process has closed its line, which happens only when it ends
         start_server()
+        try:
+            (logs / self.log).touch()
+        except OSError as error:
+            raise not_written(logs / self.log, error) from None
         context = get_context("forkserver")
         self._status, status = context.Pipe(duplex=False)
         orders, self._orders = context.Pipe(duplex=False)
         os.set_blocking(self.line, False)
-        (logs / self.log).touch()
         arguments = [*arguments, "--logs", str(logs), "--life", str(life)]
         self._process = context.Process(
             target=_begin,

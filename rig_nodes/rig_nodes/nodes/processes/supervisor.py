@@ -21,7 +21,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ...base import RigError, pair
+from ...base import RigError, not_written, pair
 from ...controllers import Domain, environment, participants
 from ...runs import FOLLOWING, PROCESS_LOST, STOOD_STILL
 from .child import Child
@@ -218,7 +218,10 @@ class Supervisor:
     def _start(self) -> None:
         number = self.domain.number
         self._tell(None, f"starting the nodes in ROS domain {number}: other tools see them with ROS_DOMAIN_ID={number}")
-        (self.folder / "logs").mkdir(exist_ok=True)
+        try:
+            (self.folder / "logs").mkdir(exist_ok=True)
+        except OSError as error:
+            raise not_written(self.folder / "logs", error) from None
         self._others = participants(number)
         links = self._links() if self.order.speed is not None else {}
         for name in self.order.processes:
@@ -353,10 +356,14 @@ class Supervisor:
         if not self._may_live_again(child):
             self._finish_with(End("failed", f"{how}; see logs/{child.log}"), AFTER_TRIP)
             return None
+        try:
+            again = self._begin(child.name, life=child.life + 1)
+        except RigError as error:
+            self._finish_with(End("failed", f"{how} and cannot be started again: {error}"), AFTER_TRIP)
+            return None
         self.restarts.append({"process": child.name, "how": child.how(), "t": self.time, "at": time.monotonic()})
         self._tell(self.time, f"{how} and is started again; see logs/{child.log}")
         child.close()
-        again = self._begin(child.name, life=child.life + 1)
         self.children["container"].send(event="process_restarted", text=f"{how} and was started again")
         return again
 
