@@ -11,11 +11,15 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
-from running_graph import BRIEF, SHORT, RigRun, Traces, rig_run
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock as ClockMessage
+from running_graph import BRIEF, SHORT, Client, Graph, RigRun, Traces, rig_run
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
+from rig_nodes.nodes.processes.result import facts_of, what_was_lost
 
 CONNECTED = "all nodes are connected"
 
@@ -101,6 +105,34 @@ def test_a_rig_that_stood_still_for_a_moment_has_lost_time_and_the_run_says_so(t
     assert "the rig fell behind real time by more than 100 ms" in output.splitlines()[-1]
     # while the rig catches up, the recorder may fall behind too; the messages lost by this are counted by topic
     assert part_of(run.folder)["lost"] == sum(part_of(run.folder).get("lost_by_topic", {}).values())
+
+
+@pytest.mark.parametrize("jump", [0, -1000, 1000])
+def test_a_second_clock_is_named_within_a_second_and_the_run_is_marked(tmp_path, jump):
+    """One that stands still or jumps moves nothing of the rig, whose own nodes have its time from the rig."""
+    graph = Graph(tmp_path / "run", speed=1.0)
+    user = Client(graph.domain)
+    try:
+        states = user.listen("/rig/state")
+        user.until(lambda: len(states) > 100, "half a second")
+        clock = user.node.create_publisher(ClockMessage, "/clock", 10)
+        for number in range(20):
+            clock.publish(ClockMessage(clock=Time(sec=5000 + jump * (number % 2))))
+        began = time.monotonic()
+        user.until(lambda: any("/clock is sent by user too" in text for text in graph.reports), "the sentence", 5.0)
+        assert time.monotonic() - began < 1.5, "and what DDS needs to know the sender"
+        seen = len(states)
+        user.until(lambda: len(states) > seen + 100, "half a second more")
+        stamps = [state.header.stamp.sec + state.header.stamp.nanosec * 1e-9 for state in states]
+        assert np.diff(stamps) == pytest.approx(0.005) and states[-1].reason == ""
+    finally:
+        user.close()
+        graph.close()
+    facts = facts_of(graph.folder)
+    events = [text for *_, name, text, _ in Bag(graph.folder).events() if name == "second_clock"]
+    assert events == ["/clock is sent by user too: nodes with use_sim_time see two times"]
+    said = what_was_lost({"other_clocks": facts["container"]["other_clocks"]})
+    assert said == "/clock was sent by user too: nodes with use_sim_time saw two times", "and exit code 3"
 
 
 def test_a_bag_that_was_cut_meanwhile_ends_the_run_and_is_said_to_be_damaged(tmp_path):

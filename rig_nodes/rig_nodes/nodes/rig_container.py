@@ -28,8 +28,10 @@ from .device import DeviceNode, device_names, own_nodes, pace_of, sender
 from .diagnostics import Diagnostics
 from .lockstep import Lockstep
 from .matching import meet, silent
+from .other_topics import LOOK
 from .process import ORPHANED, RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, ordered, run
 from .processes.dropping import parse_drop
+from .processes.recording_options import CLOCK
 from .realtime import MESSAGES, RealTime, prefer_process
 from .rig_health import RigHealth
 from .rig_node import RigNode
@@ -92,8 +94,9 @@ class Container:
         self._send = {topic: sender(publisher) for topic, publisher in self.publishers.items()}
         self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
         # not in the catalogue and not recorded, because the replay of a bag publishes its own clock
-        self._clock_out = self.nodes[0].create_publisher(Clock, "/clock", 10)
+        self._clock_out = self.nodes[0].create_publisher(Clock, CLOCK, 10)
         self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands), lambda: self.rig.time_ns)
+        self.other_clocks: list[str] = []  # other nodes that have sent /clock
         self._first_to: list[Publisher] = []  # publishers whose first message users' nodes must have before time goes on
         self._seen = None
         self._failure = None
@@ -132,7 +135,7 @@ class Container:
         if self.nodes[0].count_publishers("/rig/state") > 1:
             raise RigError("another rig is in this ROS domain: end it, or give this one a domain of its own with ROS_DOMAIN_ID")
         # alfa46 and the sequencer do so for their own topics before they take part
-        everything = {**self.publishers, "/clock": self._clock_out}
+        everything = {**self.publishers, CLOCK: self._clock_out}
         self._first_to = [everything[topic] for topic in meet(self.process, self.nodes[0], everything, own_nodes(self.rig.config))]
         return not self.process.stopping
 
@@ -255,6 +258,15 @@ class Container:
         response.success, response.message = True, "the rig ends"
         return response
 
+    def look_for_clocks(self) -> None:
+        """Name each other node that sends /clock, once: users' nodes with simulated time then see two times."""
+        for offer in self.nodes[0].get_publishers_info_by_topic(CLOCK):
+            if offer.node_name not in (self.nodes[0].get_name(), *self.other_clocks):
+                self.other_clocks.append(offer.node_name)
+                text = f"{CLOCK} is sent by {printable(offer.node_name)} too: nodes with use_sim_time see two times"
+                self.commands.put(CLOCK, self.commands.event, "second_clock", text)
+                self.process.tell(text, self.rig.time)
+
     def work(self) -> None:
         """Wait for the other processes, run the loop, end in order."""
         if self.wait_for_others():
@@ -266,8 +278,12 @@ class Container:
             self.process.follow_orders(self.obey)
             thread = threading.Thread(target=self.loop, name="rig", daemon=True)
             thread.start()
+            look_at = 0.0
             while thread.is_alive():
                 self.process.spin(0.05)
+                if time.monotonic() > look_at:
+                    look_at = time.monotonic() + LOOK
+                    self.look_for_clocks()
             sign.close()
         facts = {
             "time_s": self.rig.time,
@@ -276,6 +292,7 @@ class Container:
             "trip": self.rig.tripped_by,
             "interrupted": self.process.interrupted,
             "refused": dict(self.commands.refused),
+            "other_clocks": self.other_clocks,
             "real_time_priority": self.clock.real_time_priority,
         }
         if self.rig.shifts:  # a rig without shifts has no controller that could be late

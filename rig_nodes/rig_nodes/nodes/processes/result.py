@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ...bags import LIBRARY_OF_RUN, Bag, BagWriter, OpenedBags, class_of, files_of_run, read_metadata
-from ...base import RigError
+from ...base import RigError, printable
 from ...rig import Topic, catalogue, installed_topics
 from ...runs import FOLLOWING
 from .supervisor import MODULES, End, processes_of
@@ -189,6 +189,8 @@ def what_was_lost(run: dict) -> str:
         named = [f"{topic}: {why}" for topic, why in list(unrecorded.items())[:NAMED]]
         more = f"; and {len(unrecorded) - NAMED} topics more" if len(unrecorded) > NAMED else ""
         losses.append(f"not recorded in full (--exclude leaves a topic out): {'; '.join(named)}{more}")
+    if clocks := run.get("other_clocks"):
+        losses.append(f"/clock was sent by {', '.join(map(printable, clocks))} too: nodes with use_sim_time saw two times")
     if run.get("recovered"):
         losses.append(f"the bag is damaged: {run['recovered']}")
     behind = run.get("behind")
@@ -249,6 +251,7 @@ def run_part(bag: RecordedRun, folder: Path, record: dict, end: End, restarts: S
         "refused_commands": container.get("refused"),
         "unreadable": facts.get("recorder", {}).get("unreadable", {}),
         "unrecorded_topics": facts.get("recorder", {}).get("unrecorded", {}),
+        "other_clocks": container.get("other_clocks", []),
         "left_out": facts.get("recorder", {}).get("left_out", {}),
         "stamps_ahead": facts.get("recorder", {}).get("ahead", {}),
         "ticks": container.get("ticks"),
