@@ -407,29 +407,19 @@ class BagWriter:
             there = os.stat(self.path)
         kept = f"{self._last / 1e9:.3f} s"
         if own.st_size < self._handed:
-            raise self._stop(
-                RigError(
-                    f"{self.path} was cut from outside to {own.st_size} bytes at {kept}; what is left of it can "
-                    "be read with rig bag recover"
-                ),
-                whole=False,
-            )
+            why = f"{self.path} was cut from outside to {own.st_size} bytes at {kept}; what is left of it can be read with "
+            raise self._stop(RigError(why + "rig bag recover"), whole=False)
+        why = ""
         if own.st_nlink == 0:
-            raise self._stop(RigError(f"{self.path} was removed while it was recorded, at {kept}; nothing of it is left"))
-        if there is None or there.st_ino != own.st_ino:
-            raise self._stop(
-                RigError(
-                    f"{self.path} is not at its place any more at {kept}: it or its folder was renamed or moved; "
-                    "the bag was ended in order where it is now"
-                )
-            )
-        if not os.access(self.folder, os.W_OK, effective_ids=True):
-            raise self._stop(
-                RigError(
-                    f"{self.folder} takes no more files at {kept}: it or its disk was made read-only; {self.path.name} was "
-                    "ended in order, without metadata.yaml"
-                )
-            )
+            why = f"{self.path} was removed while it was recorded, at {kept}; nothing of it is left"
+        elif there is None or there.st_ino != own.st_ino:
+            why = f"{self.path} is not at its place any more at {kept}: it or its folder was renamed or moved; "
+            why += "the bag was ended in order where it is now"
+        elif not os.access(self.folder, os.W_OK, effective_ids=True):
+            why = f"{self.folder} takes no more files at {kept}: it or its disk was made read-only; "
+            why += f"{self.path.name} was ended in order, without metadata.yaml"
+        if why:
+            raise self._stop(RigError(why))
 
     def _room(self) -> int:
         """Return the bytes that the disk has left for chunks in front of the end of the bag."""
@@ -462,13 +452,12 @@ class BagWriter:
         Returns the reason; where the disk does not take the end either, that.
         """
         try:
-            if whole:
-                self.end("failed", str(why))
-                self._finish()
+            with suppress(RigError):  # of metadata.yaml, which no reader needs
+                if whole:
+                    self.end("failed", str(why))
+                    self._finish()
         except OSError as error:
             return self._fail(error)
-        except RigError:
-            pass  # metadata.yaml is missing, which no reader needs
         with suppress(OSError):
             self._file.close()
         self._failure = type(why), str(why)
