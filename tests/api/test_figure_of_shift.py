@@ -90,8 +90,8 @@ def test_the_highest_torque_is_what_load_inertia_tie_up_and_losses_make(runs, ca
             continue
         total = sum(value for key, value in parts.items() if key != "error_nm")
         assert abs(row["input_torque_high_nm"] - total) == pytest.approx(parts["error_nm"], abs=1e-9)
-        # states come every 5 ms, a third of the period in which HydmAG's input shaft swings on behind the lock-up of a downshift
-        assert parts["error_nm"] < (0.25 if row["to_gear"] < row["from_gear"] else 0.15) * row["input_torque_high_nm"]
+        share = 0.15 if case == "three gears" else 0.04  # the wheels inside are not counted, of which a planetary set has more
+        assert parts["error_nm"] < share * row["input_torque_high_nm"]
         assert parts["load_nm"] <= asked_of_input(row, box) * (1.0 + 1e-9) and parts["losses_nm"] > 0.0
         assert run.shifts[number - 1]["peak.tie_up_nm"] == parts["tie_up_nm"] and run.shifts.units["peak.tie_up_nm"] == "Nm"
         assert f"inertia {parts['inertia_nm']:.0f}" in described(run, number).sentence or abs(parts["inertia_nm"]) < 0.5

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 STATE = ("torque", "slip")
 SHAFTS, SPEEDS = "/gearbox/state", ("speed_in", "speed_out")
-# s; an acceleration is taken over SLOPE, which a shaft's swing of some 60 Hz asks for, or the LEAST rows of a slower logger up to
-# SLOWEST: around an instant behind lock-up, else up to CORNER before the instant, because lock-up is a corner
-CORNER, SLOPE, SLOWEST, LEAST = 1e-3, 4e-3, 8e-3, 4
+# s; an acceleration is taken over SLOPE around the instant, which a shaft's swing of some 60 Hz asks for, or the LEAST rows of a
+# slower logger up to SLOWEST; next to lock-up, which is a corner, up to CORNER before that
+CORNER, SLOPE, SLOWEST, LEAST = 0.5e-3, 2e-3, 8e-3, 4
 LEAST_SLIP = 1.0  # rad/s of a gear at the input, from which it shows the ratio between a clutch's torque and the input's
 TORQUE_ERROR = 1.01  # Nm, thesis tab. 7.1
 
@@ -50,32 +50,35 @@ def split_by_logger(shift: CutShift, at: int) -> dict[str, float] | None:
     Returns
     -------
     dict or None
-        ``releasing``, ``engaging`` and their largest ``error`` [Nm]; None from neutral and next to the order.
+        ``releasing``, ``engaging`` and their largest ``error`` [Nm], and the accelerations ``input_rate`` and ``output_rate``
+        [rad/s2]; None from neutral and next to the order.
     """
     box, corner, span = shift.box, shift.samples(CORNER), max(LEAST, shift.samples(SLOPE))
     if shift.old is None or at - corner - span < 0 or span * shift.period > SLOWEST:
         return None
-    swings = shift.end is not None and at > shift.end + span // 2 + corner
-    behind = min(at + span // 2, shift.raw[box.input.speed].size) if swings else at - corner
+    behind = min(at + span // 2, shift.raw[box.input.speed].size)
+    if shift.end is not None and at - span // 2 - corner <= shift.end:
+        behind = min(behind, shift.end - corner)
     part = slice(behind - span, behind)
     a, b = box.ratios[shift.old], box.ratios[shift.new]
     carried = float(shift.smooth[box.input.torque][at])
+    of_input, growth = (
+        float(np.polyfit(shift.period * np.arange(span), shift.raw[end.speed][part], 1)[0]) for end in (box.input, box.output)
+    )
+    rates = {"input_rate": of_input, "output_rate": growth}
     for clutches, empty, full in (
         (shift.shift.engaging, "engaging", "releasing"),
         (shift.shift.releasing, "releasing", "engaging"),
     ):
         if clutches and not pressed(shift, clutches)[at - shift.order]:
-            return {full: carried, empty: 0.0, "error": TORQUE_ERROR}
+            return {full: carried, empty: 0.0, "error": TORQUE_ERROR, **rates}
     loss = a * shift.before(box.input.torque) - shift.before(box.output.torque)
-    of_input, growth = (
-        float(np.polyfit(shift.period * np.arange(span), shift.raw[end.speed][part], 1)[0]) for end in (box.input, box.output)
-    )
     into, out = (float(np.mean(shift.raw[end.torque][part])) for end in (box.input, box.output))
     swung = box.inertias.wheels * of_input
     into, carried = into - swung, carried - swung
     engaging = (a * into - out - loss - box.inertias.on_output * growth) / (a - b)
     error = (abs(loss) + TORQUE_ERROR * (abs(a) + 1.0)) / abs(a - b)
-    return {"releasing": carried - engaging, "engaging": engaging, "error": error}
+    return {"releasing": carried - engaging, "engaging": engaging, "error": error, **rates}
 
 
 def put_torques(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> None:
@@ -113,7 +116,7 @@ def put_torques(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> Non
                 if (reduced := _reduced(known[one.name], box.ratios[gear], (t, *speeds), row["t_order_s"], at)) is not None
             }
             if found:
-                row["torques"][name] = _nearest(found, carried)
+                row["torques"][name] = (row["torques"][name] or {}) | _nearest(found, carried)
 
 
 def _reduced(

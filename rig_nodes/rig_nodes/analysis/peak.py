@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from ..rig import Transmission
     from .gathered import Gathered
 
-FIELDS = ("speed_in", "speed_out", "loss_in", "loss_out")  # of the message of both shafts
+FIELDS = ("loss_in", "loss_out")  # of the message of both shafts
 
 PARTS = {"load": "load", "inertia": "inertia", "tie_up": "tie-up", "losses": "losses"}
-MOST_ERROR = 0.25  # share of the torque from which what the parts leave makes them no result
+MOST_ERROR = 0.15  # share of the torque from which what the parts leave makes them no result
 
 
 def put_peaks(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> None:
@@ -50,23 +50,24 @@ def put_peaks(bag: Bag | Gathered, rows: list[dict], box: Transmission) -> None:
 
 
 def parts_of_peak(row: Mapping, box: Transmission, shafts: tuple[np.ndarray, ...]) -> dict[str, float] | None:
-    """Return the parts of the highest input torque, at the last recorded state before it.
+    """Return the parts of the highest input torque.
 
     Let A and B be what both clutches pass on at the input, and a and b the ratios of their gears. Then
     M_in = A + B + loss_in + J_w dw_in/dt, where J_w are the wheels behind the input's meter, and at the output
     a A + b B = M_load + loss_out + J dw_out/dt. With r the ratio by which the torque gets there, A + B = (a A + b B) / r + tie_up.
     As long as both drive, r = (a A + b B) / (A + B) and tie_up = 0; when A opposes B, r = b and tie_up = A (1 - a / b). Hence
     M_in = (M_load + loss_out + J dw_out/dt) / r + J_w dw_in/dt + tie_up + loss_in. The load is that before the order, and J is
-    the driven inertia of the energy equation (6.108).
+    the driven inertia of the energy equation (6.108). The losses and A, which change slowly, are those of the last recorded state
+    before the instant, the accelerations those of the logger, and B is what the first equation leaves.
 
     Parameters
     ----------
     row : mapping
-        Row of shift.shift_metrics, with ``torques`` of the plant's states.
+        Row of shift.shift_metrics, with ``torques`` of the plant's states and the logger's accelerations.
     box : Transmission
         The transmission.
     shafts : tuple of (n,) array
-        Times [s], speeds of input and output [rad/s], losses on input and output [Nm].
+        Times [s], losses on input and output [Nm].
 
     Returns
     -------
@@ -78,20 +79,21 @@ def parts_of_peak(row: Mapping, box: Transmission, shafts: tuple[np.ndarray, ...
     ratios = [box.ratios.get(row[key]) for key in ("from_gear", "to_gear")]
     if found is None or asked is None or asked < 0.0 or None in ratios or box.turns_round(row["from_gear"], row["to_gear"]):
         return None
-    t, into, out, loss_in, loss_out = shafts
+    t, loss_in, loss_out = shafts
     at = int(np.searchsorted(t, row["t_order_s"] + row["t_high_s"], "right")) - 1
-    carried = (found["releasing"], found["engaging"])
-    total = sum(carried)
-    if at < 2 or total <= 0.0:
+    if at < 0 or "input_rate" not in found:
+        return None
+    of_wheels = box.inertias.wheels * found["input_rate"]
+    total = row["input_torque_high_nm"] - of_wheels - loss_in[at]
+    carried = (found["releasing"], total - found["releasing"])
+    if total <= 0.0:
         return None
     (a, b), opposed = ratios, carried[0] * carried[1] < 0.0
     reached = a * carried[0] + b * carried[1]
     ratio = (b if carried[1] > 0.0 else a) if opposed else reached / total
-    slopes = np.diff([w[at - 2 : at + 1] for w in (into, out)]) / np.diff(t[at - 2 : at + 1])
-    of_input, growth = 1.5 * slopes[:, 1] - 0.5 * slopes[:, 0]  # at the state itself; the slopes are those of the middles before it
     parts = {
         "load_nm": row["output_torque_nm"] / ratio,
-        "inertia_nm": box.inertias.on_output * growth / ratio + box.inertias.wheels * of_input,
+        "inertia_nm": box.inertias.on_output * found["output_rate"] / ratio + of_wheels,
         "tie_up_nm": total - reached / ratio,
         "losses_nm": loss_in[at] + loss_out[at] / ratio,
     }
