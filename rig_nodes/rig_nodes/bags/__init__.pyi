@@ -25,7 +25,7 @@ from .messages import NOTHING as NOTHING, in_short as in_short, nothing_in as no
 from .metadata import offered_by as offered_by
 from .old_form import topic_of_today as topic_of_today
 from .opened import OpenedBags as OpenedBags, class_of as class_of
-from .pieces import PIECE as PIECE, RUN_FILE as RUN_FILE, files_of_run as files_of_run, read_metadata as read_metadata
+from .pieces import PIECE as PIECE, files_of_run as files_of_run, read_metadata as read_metadata
 from .player import CLOCK as CLOCK, Played as Played, Player as Player
 from .reader import Bag as Bag, Logger as Logger, UNREADABLE as UNREADABLE, recovered as recovered
 from .recording import BagRecording as BagRecording

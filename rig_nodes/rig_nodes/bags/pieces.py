@@ -25,7 +25,6 @@ from .old_form import topic_of_today
 
 PIECE = 1 << 23  # bytes of messages that are in memory at a time where a bag is read in pieces, some 8 s of a run
 PACKED = ".zstd"
-RUN_FILE = "run.json"  # in a run's folder: what was ordered (runs.run_file)
 LEFT_OUT = "left_out"  # key of metadata.yaml's custom data: messages per topic that were left out on purpose, as JSON
 AT_END = "left_out_at_end"  # of these, the messages after the last one of their topic that was stored
 _BLOCK = 1 << 20

@@ -21,12 +21,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..base import BagError, RigError
+from ..base import RUN_FILE, BagError, RigError
 from ..rig import Catalogue, Signal, Structure, Transmission, catalogue, installed_topics, structure_of, transmission_of
 from . import limits
 from .mcap_scan import read_mcap, read_pieces
 from .messages import Messages, in_short, stamps_of
-from .pieces import RUN_FILE, files_of_run, plain, read_metadata
+from .pieces import files_of_run, plain, read_metadata
 from .records import Contents, Stream
 from .rig_in_bag import rig_record
 from .sequence_numbers import Numbers, holes, lives_of

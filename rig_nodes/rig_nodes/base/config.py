@@ -20,6 +20,7 @@ from .yaml_file import MOST_BYTES, List, Map, read_yaml
 
 CONFIG_DIR = Path(__file__).resolve().parent
 RIGS_DIR = CONFIG_DIR.parent / "rigs"
+RUN_FILE = "run.json"  # in a run's folder: what was ordered (runs.run_file)
 TEMPLATE_DIR = CONFIG_DIR.parent / "rig" / "template"  # template of a new rig
 _READERS = ("config.py", "yaml_file.py")  # the kept content of a file depends on their code too
 

@@ -12,8 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..bags import RUN_FILE
-from ..base import RigError
+from ..base import RUN_FILE, RigError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

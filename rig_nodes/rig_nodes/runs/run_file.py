@@ -14,8 +14,7 @@ from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
-from ..bags import RUN_FILE
-from ..base import RigError, atomic_write
+from ..base import RUN_FILE, RigError, atomic_write
 from ..rig import RigConfig, config_of_record
 from .sequence import Condition, Sequence, Step
 
