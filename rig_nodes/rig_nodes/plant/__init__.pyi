@@ -6,7 +6,7 @@
 from . import alfa46_law as alfa46_law
 from .alfa46_law import NEUTRAL as NEUTRAL
 from .engine.general_step import Addresses as Addresses, NONE as NONE, addresses as addresses, general_step as general_step
-from .engine.loop import GaugeArrays as GaugeArrays, Law as Law, Plant as Plant, Rings as Rings, advance as advance, first_row as first_row
+from .engine.loop import GaugeArrays as GaugeArrays, Law as Law, Plant as Plant, Rings as Rings, advance as advance
 from .engine.outcome import NOT_SETTLED as NOT_SETTLED, TRIPPED as TRIPPED, WARNED as WARNED, WHOLE as WHOLE
 from .engine.outside import Answer as Answer, LOAD as LOAD, MOTOR as MOTOR, NOTHING as NOTHING, NOT_DEVICES as NOT_DEVICES, OtherSide as OtherSide, Port as Port, VALVE as VALVE, check_device as check_device, cuttable as cuttable, drained as drained, why_not as why_not
 from .engine.plan import Instance as Instance, Meter as Meter, Plan as Plan, World as World

@@ -34,7 +34,6 @@ from ..plant import (
     addresses,
     advance,
     compiling_in_parallel,
-    first_row,
     shown_dtype,
 )
 from ..plant import alfa46_law as law
@@ -158,10 +157,9 @@ class RigBase(ABC):
         self._law = Law(self._law_config, self._law_profiles, self._law_outputs, self._law_state)
         self.watched = Watched(trips, world)
         self._rings = Rings(self._log, self._commands, self._moments, self._capacities)
-        with compiling_in_parallel(plan.driven) as cold:
-            first_row(self._log, self._plant, self._gauges)
-            if cold:
-                self._advance(0)
+        with compiling_in_parallel(plan.driven):
+            self.sample = -1
+            self.sample, _ = self._advance(1)
         self._plant = self._plant._replace(addresses=addresses(plan.driven))
 
     def move(self, samples: int) -> bool:

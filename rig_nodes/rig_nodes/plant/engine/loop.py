@@ -212,22 +212,6 @@ def power_stage(world: Record, outputs: Record, config: Record) -> None:
         current_loop(out.phase != OFF and world.safe == 0.0, world.current[k], out, config)
 
 
-@njit(cache=True, error_model="numpy", _nrt=False)
-def first_row(log: Floats, plant: Plant, gauges: GaugeArrays) -> None:
-    """Write the logger's row of time 0."""
-    shown, counts = gauges.showns[0], gauges.counts
-    transducers.take(shown, gauges.table, gauges.keys, gauges.state)
-    shown.mains = gauges.hum[0]
-    for e in range(shown.encoder.shape[0]):
-        shown.counted[shown.encoder[e]] = 0.0
-    true_row(plant.numbers, shown)
-    measure(int(0), plant.h, plant.worlds[0], shown)  # int(): a literal would make numba compile the function once more
-    for e in range(shown.encoder.shape[0]):
-        counts[0, shown.encoder[e]] = shown.counted[shown.encoder[e]]
-    put_row(log, int(0), shown)
-    transducers.give(shown, gauges.state)
-
-
 @njit(**INNER)
 def put_back(world: Record, moved: Ints, kept: Ints) -> None:
     """Restore the state at the sample's beginning, and copy the discarded state into ``kept``."""
@@ -250,6 +234,8 @@ def is_finite(moved: Ints, finite: int) -> bool:
 def control(sample: int, drive: int, plant: Plant, law: Law, rings: Rings) -> None:
     """Apply the duty at a controller sample, and let the law or the power stage compute one; see :func:`advance`."""
     world, rows, config = plant.worlds[0], rings.log.shape[0], law.config[0]
+    if sample < 0:
+        return
     if drive == BY_SETPOINT and sample > 0:
         measured_currents(world, rings.log, ((sample - 1) * plant.steps) % rows)
         power_stage(world, law.outputs, config)
@@ -291,7 +277,7 @@ def look(sample: int, drive: int, numbers: Floats, law: Law, shown: Record, watc
 def advance(
     samples: int, first_sample: int, drive: int, plant: Plant, gauges: GaugeArrays, law: Law, rings: Rings, watch: Watch
 ) -> tuple[int, int]:
-    """Advance everything by whole controller samples.
+    """Advance everything by whole controller samples; sample -1 has no step and no controller, but writes the row of time 0.
 
     The call ends early with the sample in which something went wrong, or a trip fires or warns. After one with a value that is not
     finite, the plant has the state of the sample's beginning, and the sample's rows show that state.
@@ -327,7 +313,7 @@ def advance(
         gauges.counts,
         rings.log,
     )
-    first = first_sample * steps
+    first = max(first_sample * steps, -1)
     newest, mains, slot = first % log.shape[0], first % hum.shape[0], first % counts.shape[0]
     world, shown = plant.worlds[0], gauges.showns[0]
     fill(world, h)
@@ -337,8 +323,8 @@ def advance(
         control(s, drive, plant, law, rings)
         for i in range(kept.shape[1]):
             kept[0, i] = moved[i]
-        for index in range(s * steps, (s + 1) * steps):
-            if how == WHOLE:
+        for index in range(max(s * steps, -1), (s + 1) * steps):
+            if how == WHOLE and s >= 0:
                 plant_step(world, plant.addresses, h, index * h)
             if not true_row(numbers, shown) and how == WHOLE:
                 # the states of the gauges would keep a value that is not finite
@@ -354,7 +340,7 @@ def advance(
             keep_encoders(shown, counts, slot)
             put_row(log, newest, shown)
         reached = s + 1
-        if how == WHOLE:
+        if how == WHOLE and s >= 0:
             if not is_finite(moved, plant.finite):
                 how = NOT_FINITE
                 put_back(world, moved, kept)
@@ -362,7 +348,7 @@ def advance(
                 how = NOT_SETTLED
             elif world.safe == 0.0:
                 how = look(s, drive, numbers, law, shown, watch)
-        if reached % TICK_SAMPLES == 0:
+        if reached % TICK_SAMPLES == 0 and s >= 0:
             put_moment(rings.moments, rings.capacities, reached // TICK_SAMPLES, moved, world)
         if how != WHOLE:
             break

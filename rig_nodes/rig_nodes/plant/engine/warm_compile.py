@@ -18,7 +18,7 @@ from pathlib import Path
 
 
 @contextmanager
-def compiling_in_parallel(driven: bool) -> Iterator[bool]:
+def compiling_in_parallel(driven: bool) -> Iterator[None]:
     """Let another process compile the driveline's general or driven step while the block runs, if it is not in the cache yet.
 
     If that process fails, the process that needs the step compiles it later, as usual.
@@ -27,22 +27,17 @@ def compiling_in_parallel(driven: bool) -> Iterator[bool]:
     ----------
     driven : bool
         True for the driven step, False for the general one.
-
-    Yields
-    ------
-    bool
-        Whether another process compiles the step.
     """
     kept = Path(os.environ["NUMBA_CACHE_DIR"]) / f"{'driven' if driven else 'general'}_step.compiled"
     if kept.exists():
-        yield False
+        yield
         return
     # at the second level the same code takes a tenth less time to compile, and the step is as fast
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "NUMBA_OPT": os.environ.get("NUMBA_OPT", "2")}
     command = [sys.executable, "-c", f"from rig_nodes.plant.engine.general_step import addresses; addresses({driven})"]
     other = subprocess.Popen(command, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        yield True
+        yield
         other.wait()
         if other.returncode == 0 and kept.parent.is_dir():
             kept.touch()

@@ -209,7 +209,7 @@ def looked_over(outside: bool, watch: Watch, numbers: Floats, row: Floats) -> in
     return how
 
 
-@njit(**INLINED)
+@njit(cache=True, error_model="numpy", forceinline=True, _nrt=False)
 def watched(watch: Watch, numbers: Floats, row: Floats) -> int:
     """Look at all trips after a sample.
 
