@@ -19,6 +19,7 @@ def test_the_table_says_what_became_of_each_type_of_fault(capsys):
         and "trip coil_open" in found["valve_zr_p2.coil_open"]["text"]
     )
     assert found["valve_zr_p1.stuck"]["outcome"] == "did harm" and "tie_up" in found["valve_zr_p1.stuck"]["text"]
-    assert found["valve_zr_p2.stuck"]["outcome"] == "shifted badly" and found["clutch_s2.worn"]["outcome"] == "shifted well"
+    assert "contradicts_p2_low" in found["valve_zr_p2.stuck"]["text"] and "dead_I_zr_p2" in found["I_zr_p2.dropped"]["text"]
+    assert found["valve_zr_p2.inlet"]["outcome"] == "shifted badly" and found["clutch_s2.worn"]["outcome"] == "shifted well"
     assert {name.partition(".")[2] for name in found if name} == {one.name for one in faults().values()}
     assert sum(said["counts"].values()) == len(found) - 1

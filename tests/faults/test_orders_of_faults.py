@@ -204,14 +204,14 @@ def test_messages_between_controller_and_rig_fail(tmp_path):
 
 def test_a_set_of_faults_is_a_file_and_random_is_drawn_by_the_seed(tmp_path, capsys):
     (tmp_path / "sequence.yaml").write_text(STEPS)
-    (tmp_path / "ill.yaml").write_text("description: two\nfaults:\n  - name: p1.stuck\n    at: 50 ms\n  - name: oil_supply.air\n")
+    (tmp_path / "ill.yaml").write_text("description: two\nfaults:\n  - name: p1.gain\n    at: 50 ms\n  - name: oil_supply.air\n")
     for number, names in enumerate((["--fault", str(tmp_path / "ill.yaml")], ["--fault", "random"], ["--fault", "random"])):
         assert main(["simulate", str(tmp_path / "sequence.yaml"), *names, "--seed", "5", "--out", str(tmp_path / str(number))]) == 0
     capsys.readouterr()
     sets, first, second = (
         json.loads((tmp_path / str(k) / "report.json").read_text())["run"]["configuration"]["faults"] for k in range(3)
     )
-    assert sets == ["p1.stuck, at=50 ms", "oil_supply.air"]
+    assert sets == ["p1.gain, at=50 ms", "oil_supply.air"]
     assert first == second and len(first) == 1 and "at=" in first[0]
 
 

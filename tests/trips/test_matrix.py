@@ -9,7 +9,7 @@ import pytest
 from rig_nodes.base import njit, rig_folders
 from rig_nodes.plant import ALL, TRIPPED, World
 from rig_nodes.plant.engine.watch import watched
-from rig_nodes.rig import GEAR, load_rig
+from rig_nodes.rig import GEAR, STAYED, load_rig
 from rig_nodes.runs import plan_of
 from rig_nodes.runs.watch import Watched
 
@@ -20,7 +20,7 @@ NOT_YET = -1
 def look(watch, numbers, row, samples):
     """Look for so many samples; return the first in which a trip fires, counted from 0, or NOT_YET."""
     for sample in range(samples):
-        if watched(watch, numbers, row) == TRIPPED:
+        if watched(watch, numbers, row, np.ones(len(row))) == TRIPPED:
             return sample
     return NOT_YET
 
@@ -28,6 +28,7 @@ def look(watch, numbers, row, samples):
 @njit(cache=True)
 def both_look(quick, thorough, numbers, row, walk, said):
     """Look at a walk of numbers twice, once with every trip looked at in each sample; return the first sample that differs."""
+    noise = np.ones(len(row))
     for sample in range(len(walk)):
         numbers[:] = walk[sample, : len(numbers)]
         row[:] = walk[sample, len(numbers) :]
@@ -35,7 +36,7 @@ def both_look(quick, thorough, numbers, row, walk, said):
         thorough.witness[:], thorough.counting[0] = ALL, len(thorough.witness)
         for k in range(len(thorough.witness)):
             thorough.counting[k + 1] = k
-        same = watched(quick, numbers, row) == watched(thorough, numbers, row)
+        same = watched(quick, numbers, row, noise) == watched(thorough, numbers, row, noise)
         for k in range(len(quick.trips)):
             one, other = quick.trips[k], thorough.trips[k]
             same &= one.count == other.count and one.near_count == other.near_count and one.latched == other.latched
@@ -45,11 +46,16 @@ def both_look(quick, thorough, numbers, row, walk, said):
     return NOT_YET
 
 
+def watched_by(trips, world):
+    """Trips of a rig whose transducers all have a noise of 1."""
+    return Watched(trips, world, np.ones(len(world.plan.channels)))
+
+
 class Made:
     """One trip of a rig on numbers that are made: the least ones that give its quantity and fulfil its conditions."""
 
     def __init__(self, trip, world):
-        self.trip, self.one = trip, Watched([trip], world)
+        self.trip, self.one = trip, watched_by([trip], world)
         self.numbers, self.row = np.zeros(len(world.numbers)), np.zeros(len(world.plan.channels))
         self.samples = round(trip.delay / 1e-3)
 
@@ -87,7 +93,12 @@ class Made:
 def made(request):
     config = load_rig(request.param)
     world = World(plan_of(config).plan)
-    return [Made(trip, world) for trip in config.trips]
+    return [Made(trip, world) for trip in config.trips if not rests(trip)]
+
+
+def rests(trip):
+    """Whether a trip is one of a reading that stays the same: its quantity grows by itself."""
+    return trip.quantity.terms[0][0].startswith(STAYED)
 
 
 def beyond(trip, share):
@@ -145,11 +156,33 @@ def test_a_warning_comes_before_the_trip_once_until_it_is_over(made):
 
 
 @pytest.mark.parametrize("rig", list(rig_folders()))
+def test_a_reading_that_stays_the_same_for_its_time_trips_as_dead_or_stuck_and_one_that_scatters_does_not(rig):
+    config = load_rig(rig)
+    world = World(plan_of(config).plan)
+    trips = [trip for trip in config.trips if rests(trip)]
+    assert bool(trips) == config.effects.transducers
+    for trip in trips:
+        name, channel = trip.name.partition("_")[::2]
+        one, numbers, row = watched_by([trip], world), np.zeros(len(world.numbers)), np.zeros(len(world.plan.channels))
+        place, samples = list(world.plan.channels).index(channel), round(trip.limit / 1e-3)
+        for shown in (0.5, 0.25):  # every change begins anew
+            row[place] = shown * trip.enabled[-1].threshold
+            assert look(one.arrays, numbers, row, samples) == NOT_YET, trip.name
+        row[place] = 0.0
+        assert look(one.arrays, numbers, row, samples) == NOT_YET, trip.name
+        if name == "stuck":
+            assert look(one.arrays, numbers, row, 10 * samples) == NOT_YET, f"{trip.name}: it is dead"
+            row[place] = 0.5 * trip.enabled[-1].threshold
+            assert look(one.arrays, numbers, row, samples) == NOT_YET, trip.name
+        assert look(one.arrays, numbers, row, 10) in (0, 1) and one.latched() == (trip,), trip.name
+
+
+@pytest.mark.parametrize("rig", list(rig_folders()))
 def test_trips_that_are_ruled_out_are_those_of_which_nothing_is_true(rig):
     """Numbers wander across all limits and conditions, and the controller changes gear now and then."""
     config = load_rig(rig)
     world = World(plan_of(config).plan)
-    quick, thorough = Watched(config.trips, world), Watched(config.trips, world)
+    quick, thorough = watched_by(config.trips, world), watched_by(config.trips, world)
     random, count = np.random.default_rng(7), len(world.numbers)
     arrays, scale = quick.arrays, np.ones(count + len(world.plan.channels))
     limits = [(one["sum"], one["limit"]) for one in arrays.trips] + list(zip(arrays.conditions, arrays.thresholds[1]))
@@ -158,12 +191,16 @@ def test_trips_that_are_ruled_out_are_those_of_which_nothing_is_true(rig):
             if arrays.places[term] >= 0:
                 scale[arrays.places[term]] = max(1e-3, abs(limit / arrays.weights[term]))
     walk = scale * np.cumsum(random.normal(size=(4000, len(scale))), axis=0) / 40.0
+    walk[1000:3000] = walk[1000]  # everything rests for longer than any healthy reading
+    walk[1000:3000, count:] *= random.integers(0, 2, len(scale) - count)  # and some readings at 0
     said = np.stack([random.integers(0, 3, 4000 // 50).repeat(50), random.integers(0, 2, 4000 // 25).repeat(25)], axis=1)
     numbers, row = np.zeros(count), np.zeros(len(world.plan.channels))
     assert both_look(quick.arrays, thorough.arrays, numbers, row, walk, said.astype(float)) == NOT_YET
 
 
-def test_every_trip_has_a_number_of_its_own_and_a_source(made):
-    numbers = [each.trip.spn for each in made]
-    assert len(set(numbers)) == len(numbers) and min(numbers) >= 520_192 and max(numbers) <= 524_287
-    assert all(each.trip.source for each in made) and len({each.trip.name for each in made}) == len(made)
+@pytest.mark.parametrize("rig", list(rig_folders()))
+def test_every_trip_has_a_number_of_its_own_and_a_source(rig):
+    trips = load_rig(rig).trips
+    numbers = [trip.spn for trip in trips]
+    assert len(set(numbers)) == len(numbers) and min(numbers) >= 520_192 and max(numbers) <= 522_239
+    assert all(trip.source for trip in trips) and len({trip.name for trip in trips}) == len(trips)

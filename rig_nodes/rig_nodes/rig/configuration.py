@@ -51,7 +51,8 @@ from .signals import unnamed
 from .structure import RATE, Device, Structure
 from .transducer_types import TRANSDUCER_TYPES
 from .transmission import Transmission, made_of, tied_to
-from .trips import OWN_TRIPS, TRIPS, WATCHED, OwnTrip, Trip, default_of, read_trips, trip_settings, trips_of
+from .trip import Trip
+from .trips import OWN_TRIPS, TRIPS, WATCHED, OwnTrip, default_of, read_trips, trip_settings, trips_of
 from .turning import check_driveline
 
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})(?:\.({'|'.join(COLUMNS)}))?")

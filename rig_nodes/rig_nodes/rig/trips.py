@@ -14,14 +14,15 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from ..base import SWITCH, Map, RigError, brief, check_keys, quantity, shown_in, unknown, where_of
+from ..base import SWITCH, Map, RigError, brief, check_keys, quantity, unknown, where_of
 from ..plant import ERRATIC, OPEN, SHORT, STUCK
 from ..plant import part as parts
 from .driveline import bodies_shown
-from .quantities import QUANTITIES
 from .settings import Setting
-from .structure import Device, Transducer
+from .structure import Device
 from .transducer_types import TRANSDUCER_TYPES
+from .trip import GEAR, MEASURED, TOO_HIGH, TOO_LOW, Condition, Sum, Trip
+from .trips_of_transducers import engaged, fitted, reading, trips_of_transducers
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,136 +31,9 @@ if TYPE_CHECKING:
 
 TRIPS, WATCHED = "trips", "watched"  # owner of the settings of trips, and that which turns all of them off
 OWN_TRIPS = "own_trips"  # key of a record for the trips that a rig's file describes
-REACTION = "safe state at the next step: coils without current, drive torque off, load relief open"
-RESET = "by hand (rig reset)"
-HYSTERESIS = 0.02  # assumed: share of a limit by which a value must fall below it before its time begins anew
-WARNING = 0.9  # assumed: share of a limit at which a warning is given
 FIRST_SPN = 520_192  # of the suspect parameters that SAE J1939 leaves to a manufacturer, 520 192 to 524 287
 MOST_DELAY = 60.0  # s
 MOST_TIMES = 1e3  # by which a limit can be more than the one that follows from the rig
-# failure mode identifiers of SAE J1939-73 that no fault has
-TOO_HIGH, TOO_LOW, ABOVE_RANGE = 0, 1, 3
-GEAR, SHIFTING, MEASURED = "gear", "shifting", "@"  # what the controller reports; before the name of what a transducer shows
-
-
-@dataclass(frozen=True)
-class Sum:
-    """A weighted sum of numbers of a rig that runs.
-
-    Parameters
-    ----------
-    text : str
-        What it is, for people.
-    terms : tuple of (str, float)
-        Names of numbers with their weights: those of ``Plan.channels``, "NAME.slip" of a clutch, GEAR, SHIFTING, and the name of a
-        transducer behind MEASURED.
-    magnitude : bool
-        True when its sign does not count.
-    """
-
-    text: str
-    terms: tuple[tuple[str, float], ...]
-    magnitude: bool = False
-
-
-@dataclass(frozen=True)
-class Condition:
-    """What must be true for a trip to be watched: a sum above a threshold [SI], or below it."""
-
-    sum: Sum
-    above: bool
-    threshold: float
-    text: str
-
-
-@dataclass(frozen=True)
-class Trip:
-    """One trip, as in the summary table of an on-board diagnosis.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    quantity : Sum
-        What is watched.
-    dimension : str
-        Dimension of base.units.
-    limit : float
-        Threshold [SI].
-    source : str
-        Source of the threshold.
-    fmi : int
-        Failure mode identifier of SAE J1939-73.
-    delay : float
-        Time for which the criterion must hold [s].
-    above : bool
-        True when it trips above the limit, False when below it.
-    enabled : tuple of Condition
-        It is watched while all of them hold.
-    rises : bool
-        True when the quantity counts from the moment at which all conditions became true.
-    spn : int
-        Suspect parameter number.
-    """
-
-    name: str
-    quantity: Sum
-    dimension: str
-    limit: float
-    source: str
-    fmi: int
-    delay: float
-    above: bool = True
-    enabled: tuple[Condition, ...] = ()
-    rises: bool = False
-    spn: int = 0
-
-    @property
-    def warning(self) -> float | None:
-        """The value at which a warning is given [SI]; None for a trip of what is right or wrong and does not approach a limit."""
-        return WARNING * self.limit if self.fmi == TOO_HIGH else None
-
-    @property
-    def clear(self) -> float:
-        """The value at which the time of the criterion begins anew [SI]."""
-        return self.limit * (1.0 - HYSTERESIS if self.above else 1.0 + HYSTERESIS)
-
-    def written(self, value: float) -> str:
-        """Return a value of its quantity [SI] as people read it."""
-        unit, factor = _shown(self.dimension)
-        return f"{value * factor:.5g} {unit}"
-
-    def sentence(self, value: float, when: float) -> str:
-        """Return the reason of the trip by the value [SI] and the time [s] at which it happened."""
-        held = f" for {self.delay * 1e3:g} ms" if self.delay else ""
-        return f"trip {self.name}: the {self._passed(value, self.limit)}{held}, at {when:.3f} s"
-
-    def warns(self, value: float, when: float) -> str:
-        """Return the sentence of the warning by the value [SI] and the time [s] at which it was passed."""
-        return f"warning {self.name}: the {self._passed(value, self.limit, 'near')}, at {when:.3f} s"
-
-    def _passed(self, value: float, limit: float, how: str = "") -> str:
-        way = how or ("above" if self.above else "below")
-        return f"{self.quantity.text} is {self.written(value)}, {way} its limit of {self.written(limit)}"
-
-    def row(self) -> dict[str, str]:
-        """Return the row of the summary table."""
-        warning = self.warning
-        return {
-            "trip": self.name,
-            "quantity": self.quantity.text,
-            "criterion": "above" if self.above else "below",
-            "threshold": self.written(self.limit),
-            "enabled while": " and ".join(dict.fromkeys(one.text for one in self.enabled)) or "always",
-            "delay": f"{self.delay * 1e3:g} ms",
-            "hysteresis": f"{HYSTERESIS * 100.0:g} %",
-            "warning": "none" if warning is None else self.written(warning),
-            "reaction": REACTION,
-            "reset": RESET,
-            "SPN": str(self.spn),
-            "FMI": str(self.fmi),
-            "source": self.source,
-        }
 
 
 @dataclass(frozen=True)
@@ -172,15 +46,6 @@ class OwnTrip:
     limit: float
     delay: float
     source: str
-
-
-def _shown(dimension: str) -> tuple[str, float]:
-    """The unit that people read of a dimension, and the factor to it from SI."""
-    of = next((one.quantity for one in TRANSDUCER_TYPES.values() if one.dimension == dimension), dimension)
-    if of in QUANTITIES:
-        return QUANTITIES[of].display, QUANTITIES[of].scale
-    unit, factor = shown_in(dimension)
-    return unit, 1.0 / factor
 
 
 def trips_of(config: RigConfig) -> tuple[Trip, ...]:
@@ -277,7 +142,7 @@ def _own_trip(node: Map, path: str | Path, name: str, config: RigConfig) -> OwnT
     if not str(name).isidentifier():
         raise RigError(f"{line}: {what}: the name of a trip has letters, digits and _ only, found {brief(name)}")
     check_keys(path, one, ("signal", "above", "below", "delay"), ("signal",), what, line)
-    known = {each.name: each for each in _fitted(config)}
+    known = {each.name: each for each in fitted(config)}
     if str(one["signal"]) not in known:
         raise RigError(f"{where_of(path, one, 'signal')}: {what}: {unknown('transducer', one['signal'], known)}")
     side = "above" if "above" in one else "below"
@@ -322,10 +187,10 @@ def _derived(config: RigConfig) -> Iterator[Trip]:
         yield from _plates(config, clutch)
     if structure.shifts and structure.input:
         yield from _gears(config, {clutch.name: clutch for clutch in packs})
-    yield from _transducers(config)
-    shown = {one.name: one for one in _fitted(config)}
+    yield from trips_of_transducers(config)
+    shown = {one.name: one for one in fitted(config)}
     for own in (own for own in config.own_trips if own.signal in shown):
-        quantity_, dimension = _reading(shown[own.signal]), TRANSDUCER_TYPES[shown[own.signal].type].dimension
+        quantity_, dimension = reading(shown[own.signal]), TRANSDUCER_TYPES[shown[own.signal].type].dimension
         yield Trip(own.name, quantity_, dimension, own.limit, own.source, TOO_HIGH if own.above else TOO_LOW, own.delay, own.above)
 
 
@@ -450,13 +315,11 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
         source = "assumed: a twentieth of what linings bear, and longer than any overlap of a shift"
         yield Trip(f"tie_up_{a}_{b}", watched, "pressure", CLAMPED, source, STUCK, 1.0, True, (clamped, turns))
     for number, gear in enumerate(structure.gears, 1):
-        is_in = Condition(Sum("gear", ((GEAR, 1.0), (SHIFTING, -0.5))), True, number - 0.25, f"gear {gear.name} is engaged")
-        not_above = Condition(Sum("gear", ((GEAR, 1.0),)), False, number + 0.25, "")
         held = tuple(packs[name] for name in gear.clutches if name in packs)
-        engaged = (is_in, replace(not_above, text=is_in.text))
+        is_in = engaged(number, gear.name)
         for clutch in held:
             name, source = f"{gear.name}_{clutch.name}", "assumed: a tenth of a usual speed, for longer than a shift"
-            yield Trip(f"slip_in_gear_{name}", _slip(clutch), "angular velocity", 10.0, source, STUCK, 1.0, True, engaged)
+            yield Trip(f"slip_in_gear_{name}", _slip(clutch), "angular velocity", 10.0, source, STUCK, 1.0, True, is_in)
             source = "assumed: half of that from which on plates count as clamped"
             yield Trip(
                 f"not_reached_{name}",
@@ -467,7 +330,7 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
                 STUCK,
                 1.0,
                 False,
-                (*engaged, turns),
+                (*is_in, turns),
             )
         ratio = config.transmission.ratios.get(number)
         if ratio is None or len(held) < len(gear.held):
@@ -480,32 +343,5 @@ def _gears(config: RigConfig, packs: Mapping[str, Device]) -> Iterator[Trip]:
         holds = tuple(Condition(_slip(one), False, 1.0, f"{one.called} holds") for one in held)
         source = "assumed: ten times the resolution of such encoders, and more than a shaft's twist gives"
         yield Trip(
-            f"contradicts_{into.speed}_{gear.name}",
-            speeds,
-            "angular velocity",
-            10.0,
-            source,
-            ERRATIC,
-            0.2,
-            True,
-            (*engaged, *holds),
+            f"contradicts_{into.speed}_{gear.name}", speeds, "angular velocity", 10.0, source, ERRATIC, 0.2, True, (*is_in, *holds)
         )
-
-
-def _reading(one: Transducer) -> Sum:
-    return Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), TRANSDUCER_TYPES[one.type].signed)
-
-
-def _fitted(config: RigConfig) -> list[Transducer]:
-    return [one for one in config.structure.transducers if getattr(config.instruments, f"{one.like}_fitted", True)]
-
-
-def _transducers(config: RigConfig) -> Iterator[Trip]:
-    """A transducer that shows the end of its range, as one does whose wire is broken or shorted."""
-    for one in _fitted(config):
-        full = getattr(config.instruments, f"{one.like}_range")
-        if one.type == "ratio":
-            continue  # a lever or a throttle may stand at its end
-        shown = _reading(one)
-        source = "assumed: the end of its full scale, which no healthy value reaches for so long"
-        yield Trip(f"out_of_range_{one.name}", shown, TRANSDUCER_TYPES[one.type].dimension, 0.998 * full, source, ABOVE_RANGE, 0.1)

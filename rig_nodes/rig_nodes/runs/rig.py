@@ -448,7 +448,7 @@ class Rig(CommandedRig, ShownState):
     def _arrays(self) -> tuple[np.ndarray, ...]:
         """Everything that a step or a setting changes, without the rings."""
         law_of = (self._law_config, self._law_profiles, self._law_outputs, self._law_state)
-        watch = (self.watched.arrays.trips, self.watched.arrays.said)
+        watch = (self.watched.arrays.trips, self.watched.arrays.said, self.watched.arrays.stays)
         return (self.world.record, *law_of, self._duty, self._setpoint, *self.gauges.moved, *watch)
 
     def _places(self) -> list[int]:

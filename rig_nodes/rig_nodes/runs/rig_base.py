@@ -20,6 +20,7 @@ from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES, RigError, brief, meant
 from ..driveline import ANGLE, KIN1, LAM, WORST
 from ..plant import (
     BY_DUTY,
+    NOISE,
     NONE,
     NOT_SETTLED,
     TRIPPED,
@@ -155,7 +156,7 @@ class RigBase(ABC):
         self._plant = Plant(world.record, world.numbers, world.moved, world.finite, world.kept, self.step, steps, NONE)
         self._gauges = GaugeArrays(self._shown, *gauges.arrays)
         self._law = Law(self._law_config, self._law_profiles, self._law_outputs, self._law_state)
-        self.watched = Watched(trips, world)
+        self.watched = Watched(trips, world, gauges.table[NOISE])
         self._rings = Rings(self._log, self._commands, self._moments, self._capacities)
         with compiling_in_parallel(plan.driven):
             self.sample = -1

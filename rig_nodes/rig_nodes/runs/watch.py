@@ -14,9 +14,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..base import SAMPLE, RigError
-from ..plant import ALL, BOTH_INSIDE, BOTH_SHOWN, INSIDE, ONE_SHOWN, OTHER, REPORTED, SHOWN, TRIP, Watch, World
-from ..rig import GEAR, HYSTERESIS, MEASURED, SHIFTING, Sum, Trip
+from ..base import SAMPLE, Floats, RigError
+from ..plant import ALL, BOTH_INSIDE, BOTH_SHOWN, FIRST_STAY, INSIDE, ONE_SHOWN, OTHER, REPORTED, RESTING, SHOWN, TRIP, Watch, World
+from ..rig import GEAR, HYSTERESIS, MEASURED, SHIFTING, STAYED, Sum, Trip
 
 _SAID = {GEAR: -1, SHIFTING: -2}  # places of what the controller reports
 _Terms = tuple[tuple[int, float], ...]
@@ -31,6 +31,8 @@ class Watched:
         The trips; none where they are not watched.
     world : World
         What the engine moves.
+    noise : (channels,) array of float
+        Standard deviation of each channel's noise by which the trips were made [SI].
 
     Attributes
     ----------
@@ -43,7 +45,7 @@ class Watched:
         When a trip's quantity is no number of the rig.
     """
 
-    def __init__(self, trips: Sequence[Trip], world: World) -> None:
+    def __init__(self, trips: Sequence[Trip], world: World, noise: Floats) -> None:
         self._world, self._channels, self.trips = world, list(world.plan.channels), tuple(trips)
         used = [self._sum(one) for trip in trips for one in (trip.quantity, *(each.sum for each in trip.enabled))]
         sums = sorted(dict.fromkeys(key for key, _ in used), key=self._kind)
@@ -70,12 +72,13 @@ class Watched:
             np.array([bisect_right(kinds, kind) for kind in range(REPORTED)], np.int64),
             np.array([place for place, _ in terms], np.int64),
             np.array([weight for _, weight in terms], float),
-            np.array([[pair[k][0] % world.finite for pair in pairs] for k in (0, 1)], np.uint64),
+            np.array([[self._at(pair[k][0]) for pair in pairs] for k in (0, 1)], np.uint64),
             np.array([[pair[k][1] for pair in pairs] for k in (0, 1)], float),
             np.array([magnitude for _, magnitude in sums], np.int64),
             np.array([number for number, _, _ in conditions], np.int64),
             np.array([[way for _, way, _ in conditions], [threshold for _, _, threshold in conditions]], float),
             np.zeros(2 * len(_SAID)),
+            np.stack([np.zeros(len(noise)), np.zeros(len(noise)), noise]),
             np.zeros(len(trips), np.int64),
             np.zeros((2, len(trips))),
             np.zeros((2, len(sums))),
@@ -95,12 +98,16 @@ class Watched:
         shown = [place >= self._world.finite for place, _ in key[0]]
         reported = [place < 0 for place, _ in key[0]]
         if all(reported):
-            return REPORTED
+            return RESTING if key[0][0][0] <= FIRST_STAY else REPORTED
         if any(reported) or len(shown) > 2:
             return OTHER
         if len(shown) == 1:
             return SHOWN if shown[0] else INSIDE
         return (BOTH_INSIDE, ONE_SHOWN, BOTH_SHOWN)[sum(shown)]
+
+    def _at(self, place: int) -> int:
+        """Return the place of a number within the array in which it is."""
+        return FIRST_STAY - place if place <= FIRST_STAY else place % self._world.finite
 
     def _places(self, name: str) -> list[tuple[int, float]]:
         """Return the places of a number and their weights."""
@@ -109,6 +116,8 @@ class Watched:
             return [(_SAID[name], 1.0)]
         if name.startswith(MEASURED):
             return [(world.finite + self._channels.index(name.removeprefix(MEASURED)), 1.0)]
+        if name.startswith(STAYED):
+            return [(FIRST_STAY - self._channels.index(name.removeprefix(STAYED)), 1.0)]
         owner, _, what = name.partition(".")
         if what == "slip":
             first = world.entries_at("v")
@@ -151,4 +160,5 @@ class Watched:
         """Watch anew from now on."""
         for name in ("count", "near_count", "counts", "latched", "warned", "told"):
             self.arrays.trips[name] = 0
+        self.arrays.stays[0] = 0.0
         self.look_anew()

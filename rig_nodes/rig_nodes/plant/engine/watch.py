@@ -33,8 +33,11 @@ TRIP = np.dtype(
     ]
 )
 LOW, HIGH = 0, 1  # rows of Watch.spans and Watch.bounds
-# kinds of sums: of one number of the world, of one that is shown, of two, others, and of what the controller reports
-INSIDE, SHOWN, BOTH_INSIDE, ONE_SHOWN, BOTH_SHOWN, OTHER, REPORTED = range(7)
+STAYED, LAST, LEAST = 0, 1, 2  # rows of Watch.stays
+# kinds of sums: of one number of the world, of one that is shown, of two, others, of a time for which a reading stayed the same,
+# and of what the controller reports
+INSIDE, SHOWN, BOTH_INSIDE, ONE_SHOWN, BOTH_SHOWN, OTHER, RESTING, REPORTED = range(8)
+FIRST_STAY = -3  # place of the first channel's time; that of the next one is less by 1
 ALL = -1  # in Watch.witness: nothing rules the trip out
 
 
@@ -54,11 +57,12 @@ class Watch(NamedTuple):
     ends : (kinds,) array of int64
         Number of the first sum behind each kind but the last one, whose sums change only with what the controller reports.
     places : (terms,) array of int64
-        Where a term's number is: in the world; behind it, in the row that the transducers show; below 0, in ``said``.
+        Where a term's number is: in the world; behind it, in the row that the transducers show; below 0, in ``said`` and, from
+        FIRST_STAY on, in the first row of ``stays``.
     weights : (terms,) array of float
         Weights of the terms.
     at : (2, sums) array of uint64
-        The places, in the world or in the row, of the numbers of a sum of one or two.
+        The places, in the world, in the row or in a row of ``stays``, of the numbers of a sum of one or two.
     pairs : (2, sums) array of float
         Their weights.
     magnitudes : (sums,) array of int64
@@ -69,6 +73,9 @@ class Watch(NamedTuple):
         Sign of each condition and, with that sign, the threshold that its sum must exceed.
     said : (4,) array of float
         What the controller reports: its gear, and 1 while it shifts; and the same as it was in the last sample.
+    stays : (3, channels) array of float
+        For how many samples each channel has shown the same, what it showed in the last sample, and the noise [SI] below which this
+        is no sign.
     witness : (trips,) array of int64
         The sum that rules each trip out, or ALL.
     spans : (2, trips) array of float
@@ -90,6 +97,7 @@ class Watch(NamedTuple):
     conditions: Ints
     thresholds: Floats
     said: Floats
+    stays: Floats
     witness: Ints
     spans: Floats
     bounds: Floats
@@ -102,7 +110,9 @@ def summed(k: int, watch: Watch, numbers: Floats, row: Floats) -> float:
     total = 0.0
     for t in range(watch.first[k], watch.first[k + 1]):
         place = watch.places[t]
-        if place < 0:
+        if place <= FIRST_STAY:
+            total += watch.weights[t] * watch.stays[STAYED, FIRST_STAY - place]
+        elif place < 0:
             total += watch.weights[t] * watch.said[-1 - place]
         elif place < numbers.shape[0]:
             total += watch.weights[t] * numbers[place]
@@ -210,7 +220,7 @@ def looked_over(outside: bool, watch: Watch, numbers: Floats, row: Floats) -> in
 
 
 @njit(cache=True, error_model="numpy", forceinline=True, _nrt=False)
-def watched(watch: Watch, numbers: Floats, row: Floats) -> int:
+def watched(watch: Watch, numbers: Floats, row: Floats, noise: Floats) -> int:
     """Look at all trips after a sample.
 
     Parameters
@@ -221,13 +231,15 @@ def watched(watch: Watch, numbers: Floats, row: Floats) -> int:
         The beginning of the world [SI].
     row : (channels,) array of float
         What the transducers show.
+    noise : (channels,) array of float
+        Standard deviation of the noise in it; 0 for encoders.
 
     Returns
     -------
     int
         WHOLE, WARNED for a new warning, TRIPPED for a trip.
     """
-    bounds, said, ends, weights, at = watch.bounds, watch.said, watch.ends, watch.pairs, watch.at
+    bounds, said, ends, weights, at, stays = watch.bounds, watch.said, watch.ends, watch.pairs, watch.at, watch.stays
     beyond = -np.inf  # by how much a sum is outside its bounds
     for j in range(ends[INSIDE]):
         beyond = max(beyond, past(j, weights[0, j] * numbers[at[0, j]], bounds))
@@ -241,5 +253,11 @@ def watched(watch: Watch, numbers: Floats, row: Floats) -> int:
         beyond = max(beyond, past(j, weights[0, j] * row[at[0, j]] + weights[1, j] * row[at[1, j]], bounds))
     for j in range(ends[BOTH_SHOWN], ends[OTHER]):
         beyond = max(beyond, past(j, summed(j, watch, numbers, row), bounds))
+    for j in range(ends[OTHER], ends[RESTING]):
+        c = at[0, j]
+        same = row[c] == stays[LAST, c] and noise[c] >= stays[LEAST, c]
+        stays[STAYED, c] = stays[STAYED, c] + 1.0 if same else 0.0
+        stays[LAST, c] = row[c]
+        beyond = max(beyond, past(j, weights[0, j] * stays[STAYED, c], bounds))
     outside = beyond > 0.0 or said[0] != said[2] or said[1] != said[3]
     return looked_over(outside, watch, numbers, row) if outside or watch.counting[0] > 0 else WHOLE

@@ -1,0 +1,142 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Trips by what the instruments say: a transducer that is dead, stuck or out of range, or contradicts others.
+
+A healthy reading never rests, because it scatters by more than the converter's step; one that has no noise of its own can only be
+judged by others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from ..base import SAMPLE
+from ..plant import ERRATIC, LOST
+from ..plant import part as parts
+from .structure import Transducer
+from .transducer_types import TRANSDUCER_TYPES
+from .trip import ABOVE_RANGE, GEAR, MEASURED, SHIFTING, STAYED, Condition, Sum, Trip
+
+if TYPE_CHECKING:
+    from .configuration import RigConfig
+    from .transmission import Clutch
+
+BY_CHANCE = 1e-12  # that a healthy reading stays the same for so long
+SHORTEST, LONGEST = 0.1, 10.0  # s, assumed: times after which a reading that stays the same is none; a longer one is no sign
+AT_END = 0.998  # assumed: share of a range from which on a reading counts as its end
+
+
+def engaged(number: int, name: str) -> tuple[Condition, Condition]:
+    """Return the conditions that a gear is engaged by its number and name: it is reported, and no shift."""
+    is_in = Condition(Sum("gear", ((GEAR, 1.0), (SHIFTING, -0.5))), True, number - 0.25, f"gear {name} is engaged")
+    return is_in, Condition(Sum("gear", ((GEAR, 1.0),)), False, number + 0.25, is_in.text)
+
+
+def reading(one: Transducer) -> Sum:
+    """Return what a transducer shows."""
+    return Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), TRANSDUCER_TYPES[one.type].signed)
+
+
+def fitted(config: RigConfig) -> list[Transducer]:
+    """Return the transducers that are there."""
+    return [one for one in config.structure.transducers if getattr(config.instruments, f"{one.like}_fitted", True)]
+
+
+def trips_of_transducers(config: RigConfig) -> Iterator[Trip]:
+    """Return the trips by what the instruments of a rig say."""
+    shown = {one.name: one for one in fitted(config)}
+    for one in shown.values():
+        yield from _one_alone(config, one)
+    structure = config.structure
+    if not structure.shifts or structure.input is None:
+        return
+    turns = Condition(reading(shown[structure.input.speed]), True, 5.0, f"{structure.input.speed} shows that the input turns")
+    for one in shown.values():
+        if one.type == "temperature" and config.effects.transducers:
+            source = "assumed: what an open wire shows; oil that warms passes it sooner"
+            yield Trip(f"dead_{one.name}", _size(one), "temperature", 0.01, source, LOST, LONGEST, False, (turns,))
+    if not config.prescribed:
+        for clutch in config.transmission.clutches:
+            if {clutch.pressure, clutch.current} <= shown.keys() and clutch.valve not in config.cut_out:
+                yield from _pressure(config, clutch, shown)
+    ends = (structure.input.torque, structure.output.torque)
+    if set(ends) <= shown.keys() and len(structure.of_role(parts.SOURCE)) == 1:  # another source would drive past the gears
+        yield from _torques(config, *(shown[name] for name in ends))
+
+
+def _size(one: Transducer) -> Sum:
+    return Sum(f"size of the reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), True)
+
+
+def _one_alone(config: RigConfig, one: Transducer) -> Iterator[Trip]:
+    """A transducer that shows the end of its range, nothing, or always the same."""
+    full, dimension = getattr(config.instruments, f"{one.like}_range"), TRANSDUCER_TYPES[one.type].dimension
+    if one.type != "ratio":  # a lever or a throttle may stand at its end
+        source = "assumed: the end of its full scale, which no healthy value reaches for so long"
+        yield Trip(f"out_of_range_{one.name}", reading(one), dimension, AT_END * full, source, ABOVE_RANGE, 0.1)
+    limit = _rests(config, one, full)
+    if limit > LONGEST or not config.effects.transducers:
+        return
+    rests = Sum(f"time for which the reading of {one.name} has been the same", ((f"{STAYED}{one.name}", SAMPLE),))
+    nothing = 1e-6 * full
+    source = f"its noise and the converter's step: by chance a healthy one rests so long once in {1.0 / BY_CHANCE:.0e} times"
+    at_nothing = Condition(_size(one), False, nothing, "it shows 0")
+    yield Trip(f"dead_{one.name}", rests, "time", limit, source, LOST, 0.0, True, (at_nothing,))
+    neither = "it shows neither 0 nor its end"
+    within = (Condition(_size(one), True, nothing, neither), Condition(_size(one), False, AT_END * full, neither))
+    yield Trip(f"stuck_{one.name}", rests, "time", limit, source, ERRATIC, 0.0, True, within)
+
+
+def _rests(config: RigConfig, one: Transducer, full: float) -> float:
+    """Return the time [s] for which a healthy reading stays the same with a chance of BY_CHANCE."""
+    values, signed = config.instruments, TRANSDUCER_TYPES[one.type].signed or one.low < 0.0
+    noise = getattr(values, f"{one.like}_noise", 0.0)
+    if noise <= 0.0 or getattr(values, f"{one.like}_step", 0.0) > 0.0:
+        return math.inf  # an encoder at a constant speed may count the same for as long as it lasts
+    step = (2.0 if signed else 1.0) * full / 2.0**values.resolution_bits if values.resolution_bits > 0.0 else 0.0
+    stays = math.erf(step / (2.0 * math.sqrt(2.0) * noise))  # in the middle of a step
+    if stays >= 1.0:
+        return math.inf
+    return max(SHORTEST, SAMPLE * math.ceil(math.log(BY_CHANCE) / math.log(stays))) if stays > 0.0 else SHORTEST
+
+
+def _pressure(config: RigConfig, clutch: Clutch, shown: Mapping[str, Transducer]) -> Iterator[Trip]:
+    """A pressure that the current of its valve does not explain, for longer than any filling and release takes."""
+    valve, one, current = getattr(config, clutch.valve), shown[clutch.pressure], shown[clutch.current]
+    structure, most = config.structure, valve.pressure_limit
+    wrong = getattr(config.instruments, f"{one.like}_class", 0.0) * getattr(config.instruments, f"{one.like}_range")
+    line = structure.line_of(structure.oil_of(structure.device(clutch.valve), "supply"))
+    supplies = [each for each in shown.values() if each.shows == f"{line}.pressure"]
+    # the current that gives three quarters of the highest pressure even as it rises, against the hysteresis
+    enough = (0.75 * most / valve.pressure_gain + valve.cracking_current) / (1.0 - valve.hysteresis)
+    orders = f"{current.name} orders three quarters of the highest pressure"
+    ordered = (
+        Condition(reading(current), True, enough, orders),
+        *(Condition(reading(each), True, 0.75 * most, f"{each.name} has them") for each in supplies),
+    )
+    idle = (Condition(reading(current), False, valve.cracking_current, f"{current.name} orders none"),)
+    share = f"of the highest pressure of {clutch.valve_name}"
+    for what, limit, above, enabled, source in (
+        ("low", 0.5 * most, False, ordered, f"assumed: half {share}"),
+        ("high", 0.25 * most + wrong, True, idle, f"assumed: a quarter {share}, and the class of {one.name}"),
+        ("most", 1.25 * most + wrong, True, (), f"assumed: a quarter more than all {share}, and the class of {one.name}"),
+    ):
+        name = f"contradicts_{one.name}_{what}"
+        yield Trip(name, reading(one), "pressure", limit, source, ERRATIC, 1.0, above, enabled)
+
+
+def _torques(config: RigConfig, into: Transducer, out: Transducer) -> Iterator[Trip]:
+    """Torques of input and output that ratio and losses of an engaged gear do not explain."""
+    full = max(getattr(config.instruments, f"{one.like}_range") for one in (into, out))
+    for number, gear in enumerate(config.structure.gears, 1):
+        ratio = config.transmission.ratios.get(number)
+        if ratio is not None:
+            text = f"difference of {into.name} and {out.name} by the ratio of gear {gear.name}"
+            apart = Sum(text, ((f"{MEASURED}{into.name}", ratio), (f"{MEASURED}{out.name}", -1.0)), True)
+            limit = 0.15 * full * max(1.0, ratio)
+            source = "assumed: 15 % of the full scale on the input, more than losses and inertias take for so long"
+            name = f"contradicts_{into.name}_{gear.name}"
+            yield Trip(name, apart, "torque", limit, source, ERRATIC, 2.0, True, engaged(number, gear.name))
