@@ -14,6 +14,7 @@ import time
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosgraph_msgs.msg import Clock as ClockMessage
 from running_graph import BRIEF, SHORT, Client, Graph, RigRun, Traces, rig_run
 
@@ -107,13 +108,19 @@ def test_a_rig_that_stood_still_for_a_moment_has_lost_time_and_the_run_says_so(t
     assert part_of(run.folder)["lost"] == sum(part_of(run.folder).get("lost_by_topic", {}).values())
 
 
+def of_rig(messages):
+    """The statuses of the rig as a whole in messages of /diagnostics, which other nodes send too."""
+    return [status for message in messages for status in message.status if status.name == "rig"]
+
+
 @pytest.mark.parametrize("jump", [0, -1000, 1000])
 def test_a_second_clock_is_named_within_a_second_and_the_run_is_marked(tmp_path, jump):
     """One that stands still or jumps moves nothing of the rig, whose own nodes have its time from the rig."""
     graph = Graph(tmp_path / "run", speed=1.0)
     user = Client(graph.domain)
     try:
-        states = user.listen("/rig/state")
+        states, health = user.listen("/rig/state"), []
+        user.node.create_subscription(DiagnosticArray, "/diagnostics", health.append, 100)
         user.until(lambda: len(states) > 100, "half a second")
         clock = user.node.create_publisher(ClockMessage, "/clock", 10)
         for number in range(20):
@@ -125,6 +132,12 @@ def test_a_second_clock_is_named_within_a_second_and_the_run_is_marked(tmp_path,
         user.until(lambda: len(states) > seen + 100, "half a second more")
         stamps = [state.header.stamp.sec + state.header.stamp.nanosec * 1e-9 for state in states]
         assert np.diff(stamps) == pytest.approx(0.005) and states[-1].reason == ""
+        user.node.destroy_publisher(clock)
+        health.clear()
+        user.until(lambda: len(of_rig(health)) >= 2, "diagnostics without the second clock")
+        rig = of_rig(health)[-1]
+        assert rig.level == DiagnosticStatus.WARN and rig.message.endswith(", but /clock was sent by user too")
+        assert {pair.key: pair.value for pair in rig.values}["other_clocks"] == "user"
     finally:
         user.close()
         graph.close()

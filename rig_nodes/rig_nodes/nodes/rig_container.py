@@ -95,8 +95,9 @@ class Container:
         self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
         # not in the catalogue and not recorded, because the replay of a bag publishes its own clock
         self._clock_out = self.nodes[0].create_publisher(Clock, CLOCK, 10)
-        self.diagnostics = Diagnostics(self.nodes[0], RigHealth(self.rig, self.clock, self.commands), lambda: self.rig.time_ns)
         self.other_clocks: list[str] = []  # other nodes that have sent /clock
+        health = RigHealth(self.rig, self.clock, self.commands, self.other_clocks)
+        self.diagnostics = Diagnostics(self.nodes[0], health, lambda: self.rig.time_ns)
         self._first_to: list[Publisher] = []  # publishers whose first message users' nodes must have before time goes on
         self._seen = None
         self._failure = None

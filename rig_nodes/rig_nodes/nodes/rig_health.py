@@ -34,9 +34,13 @@ LOCKED = MODES.index("locked")
 class RigHealth:
     """Called, it returns the health of the rig, of each of its devices by its role, and of its instruments."""
 
-    def __init__(self, rig: Rig, clock: RealTime | Lockstep, commands: Commands) -> None:
-        """Choose the devices; ``clock`` is the RealTime or Lockstep of the run, and ``commands`` the rig's queue."""
-        self.rig, self.clock, self.commands = rig, clock, commands
+    def __init__(self, rig: Rig, clock: RealTime | Lockstep, commands: Commands, other_clocks: list[str]) -> None:
+        """Choose the devices.
+
+        ``clock`` is the RealTime or Lockstep of the run, ``commands`` the rig's queue, and ``other_clocks`` a list that grows with
+        the names of other nodes that have sent /clock.
+        """
+        self.rig, self.clock, self.commands, self.other_clocks = rig, clock, commands, other_clocks
         self._present, self._overruns = Present(rig), Growing()
         structure, of_role = (
             rig.config.structure,
@@ -85,6 +89,8 @@ class RigHealth:
         text = "running: the motor is on" if status == RigStatus.RUNNING else "ready: the motor is off"
         if near := [trip.quantity.text for trip in self.rig.watched.near()]:
             return Health("rig", WARN, f"{text}, but near the limit: {', '.join(near)}", self._clock)
+        if self.other_clocks:
+            return Health("rig", WARN, f"{text}, but /clock was sent by {', '.join(self.other_clocks)} too", self._clock)
         if late:
             return Health("rig", WARN, f"{text}, but ticks start more than 5 ms late: the machine is too busy", self._clock)
         return Health("rig", OK, text, self._clock)
@@ -97,6 +103,7 @@ class RigHealth:
             "time_s": self.rig.time,
             "overruns": self.clock.overruns,
             "refused_commands": sum(tuple(self.commands.refused.values())),
+            "other_clocks": " ".join(self.other_clocks),
         }
         late = sorted(getattr(self.clock, "lateness_ns", [])[-NEWEST:])  # none in lockstep
         if late:
