@@ -169,8 +169,8 @@ def test_a_full_disk_is_named_and_what_is_in_the_bag_stays_readable(nearly_full)
     folder = nearly_full / "run"
     code, output = rig_run(folder, "--speed", "max")
     assert code == 1 and "Traceback" not in output and "JSONDecodeError" not in output, output
-    last = output.splitlines()[-1]
-    assert f"{folder / 'short_0.mcap'} was ended in order at " in last and "before the disk is full" in last
+    [said] = [line for line in output.splitlines() if line.startswith("rig: ")]
+    assert said.startswith(f"rig: recorder: {folder / 'short_0.mcap'} was ended in order at ") and "before the disk is full" in said
     bag = Bag(folder)
     assert bag.counts["/instruments/controller"] > 100
     for path in (folder / "logs").glob("*.json"):

@@ -170,11 +170,11 @@ def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: b
         bag = gather(folder, record, recover=True)
         report = build_report(bag, run_part(bag, folder, record, end, restarts))
     except BagError as error:
-        return _say([f"there is no report: {error}", *last], 1)
+        return _say([*last, f"there is no report: {error}"], 1)
     try:
         write_report(folder, report)
     except RigError as error:
-        last.insert(0, str(error))
+        last.append(str(error))
     print(format_report(report))
     if report["run"]["speed_factor"]:
         print(f"speed: {report['run']['speed_factor']:.2f} times real time")
@@ -182,14 +182,15 @@ def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: b
     print(f"written to {folder}{look}", flush=True)
     lost = what_was_lost(report["run"])
     if lost:
-        last.insert(0, f"warning: {lost}" if allow_loss else f"lost: {lost}")
+        last.append(f"warning: {lost}" if allow_loss else f"lost: {lost}")
     code = exit_code(end.state, report, strict, "" if allow_loss else lost)
     return _say(last, 1 if end.state == "ended" and not (folder / "report.json").exists() else code)
 
 
-def _say(sentences: list[str], code: int) -> int:
-    for sentence in sentences:
-        print(f"rig: {printable(sentence)}", file=sys.stderr)
+def _say(clauses: list[str], code: int) -> int:
+    """Print one sentence for all that went wrong, because all but the first clause usually follow from that."""
+    if clauses:
+        print(f"rig: {printable('; '.join(clauses))}", file=sys.stderr)
     return code
 
 
