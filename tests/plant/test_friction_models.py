@@ -174,9 +174,9 @@ def test_corrected_is_the_measured_line():
     [
         ({"surfaces": 0}, "surfaces is 0"),
         ({"surfaces": 12.5}, "surfaces is 12.5"),
-        ({"outer_radius": 0.024}, "ring from 0.025 to 0.024 m is empty"),
-        ({"outer_spline_diameter": 0.07}, "between the splines"),
-        ({"inner_spline_diameter": 0.06}, "between the splines"),
+        ({"outer_radius": 0.024}, "outer_radius is 0.024 m, expected more than the 0.025 m of inner_radius"),
+        ({"outer_spline_diameter": 0.07}, "outer_spline_diameter is 0.07 m, expected at least the 0.076 m"),
+        ({"inner_spline_diameter": 0.06}, "inner_spline_diameter is 0.06 m, expected at most the 0.05 m"),
         ({"pressure_angle_deg": 90.0}, "pressure_angle_deg"),
     ],
 )

@@ -43,6 +43,9 @@ def cross_check(config: RigConfig, where: Where) -> None:
         When values contradict each other.
     """
     _check_logger(config.instruments.logger_rate, config.kernel.step, where)
+    if wrong := parts.not_whole(config.instruments, "resolution_bits"):
+        key = f"instruments.{wrong[0]}"
+        raise RigError(f"{where((key,))}{key} {wrong[1]}")
     for device in config.structure.of_role(parts.VALUES):
         plates = getattr(config, device.name)
         _not_above(

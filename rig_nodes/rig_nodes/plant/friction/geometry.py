@@ -33,23 +33,30 @@ class PackGeometry:
     outer_spline_diameter: float = param("length", 1e-3, 1.0, "Pitch diameter of the spline in the hub")
     pressure_angle_deg: float = param("ratio", 0.0, 60.0, "Pressure angle of the splines, in degrees")
 
-    def check(self) -> None:
-        """Raise a ValueError with one sentence when the geometry is not possible."""
+    def contradiction(self) -> tuple[str, str] | None:
+        """Return the name of a value and the rest of a sentence when the geometry is not possible, otherwise None."""
         if not (self.surfaces >= 1 and self.surfaces == int(self.surfaces)):
-            raise ValueError(f"surfaces is {self.surfaces:g}, expected a whole number of at least 1")
+            return "surfaces", f"is {self.surfaces:g}, expected a whole number of at least 1"
         if not 0.0 < self.inner_radius < self.outer_radius:
-            raise ValueError(
-                f"the friction ring from {self.inner_radius:g} to {self.outer_radius:g} m is "
-                "empty; inner_radius must be positive and smaller than outer_radius"
+            return ("outer_radius", f"is {self.outer_radius:g} m, expected more than the {self.inner_radius:g} m of inner_radius")
+        if not 0.0 < self.inner_spline_diameter <= 2.0 * self.inner_radius:
+            return (
+                "inner_spline_diameter",
+                f"is {self.inner_spline_diameter:g} m, expected at most the {2.0 * self.inner_radius:g} m inside the friction ring",
             )
-        shaft, hub = self.inner_spline_diameter / 2.0, self.outer_spline_diameter / 2.0
-        if not (0.0 < shaft <= self.inner_radius and self.outer_radius <= hub):
-            raise ValueError(
-                f"the friction ring from {self.inner_radius:g} to {self.outer_radius:g} m must "
-                f"lie between the splines at {shaft:g} and {hub:g} m"
+        if not 2.0 * self.outer_radius <= self.outer_spline_diameter:
+            return (
+                "outer_spline_diameter",
+                f"is {self.outer_spline_diameter:g} m, expected at least the {2.0 * self.outer_radius:g} m of the friction ring",
             )
         if not 0.0 <= self.pressure_angle_deg < 90.0:
-            raise ValueError(f"pressure_angle_deg is {self.pressure_angle_deg:g}, expected 0 to below 90")
+            return "pressure_angle_deg", f"is {self.pressure_angle_deg:g}, expected 0 to below 90"
+        return None
+
+    def check(self) -> None:
+        """Raise a ValueError with one sentence when the geometry is not possible."""
+        if wrong := self.contradiction():
+            raise ValueError(" ".join(wrong))
 
     @property
     def area(self) -> float:

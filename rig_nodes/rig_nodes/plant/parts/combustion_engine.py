@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from ...base import INLINED, njit, param
 from .cycles import TURN, normal_of
-from .part import SOURCE, Command, Part, Shown, Wire
+from .part import SOURCE, Command, Part, Shown, Wire, not_in_order, not_whole
 
 if TYPE_CHECKING:
     from ...base import Record
@@ -73,6 +73,19 @@ class EngineConfig:
         "ratio", -1.0, 10.0, "Relative change of the irregularity with a relative change of the speed"
     )
     seed: float = param("ratio", 0.0, 1e9, "Number that chooses the cycles; the same number gives the same cycles")
+
+
+def contradiction(engine: EngineConfig) -> tuple[str, str] | None:
+    """Return the name of a value and the rest of a sentence where the curve or the speeds are out of order, otherwise None."""
+    for name in ("torque_low", "torque_high"):
+        if getattr(engine, name) > engine.torque_peak:
+            return name, f"is {getattr(engine, name):g} Nm, expected at most the {engine.torque_peak:g} Nm of torque_peak"
+    return (
+        not_in_order(engine, "speed_low", "speed_peak", "speed_high")
+        or not_in_order(engine, "stall_speed", "firing_speed")
+        or not_in_order(engine, "idle_speed", "cut_speed")
+        or not_whole(engine, "seed")
+    )
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
@@ -292,6 +305,7 @@ PART = Part(
             {0: "no", 1: "yes"},
         ),
     ),
+    check=contradiction,
     takes=(
         Command("motor", {"speed": "angular velocity"}, "target", "enabled", "speed of the engine", "speed"),
         Command("engine", {"throttle": "ratio"}, "lever", "enabled", "opening of the throttle", "ratio", node="throttle"),

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -163,6 +164,22 @@ def no_values(_rig: ShownRig, _name: str) -> tuple[()]:
 def no_shaft(_values: object) -> tuple[float, float]:
     """Return stiffness and damping of the shaft of a part that owns none."""
     return 0.0, 0.0
+
+
+def not_whole(values: object, *names: str) -> tuple[str, str] | None:
+    """Return the first of some values that is no whole number, as ``Part.check`` does."""
+    return next(
+        ((name, f"is {value:g}, expected a whole number") for name in names if (value := getattr(values, name)) != int(value)), None
+    )
+
+
+def not_in_order(values: object, *names: str) -> tuple[str, str] | None:
+    """Return the first of some values [SI] that is not above the one before it, as ``Part.check`` does."""
+    for less, more in pairwise(names):
+        low, high = getattr(values, less), getattr(values, more)
+        if not low < high:
+            return less, f"is {low:g}, expected less than the {high:g} of {more}, both in SI units"
+    return None
 
 
 @dataclass(frozen=True)

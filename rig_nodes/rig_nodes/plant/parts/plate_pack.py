@@ -16,5 +16,6 @@ PART = Part(
     0,
     (PlatePack,),
     role=VALUES,
+    check=PlatePack.contradiction,
     effects={"plate_heat": {"friction_per_kelvin": 0.0}, "wear": {"wear_rate": 0.0}, "spline_hysteresis": {}},
 )

@@ -18,7 +18,7 @@ from ...base import INLINED, njit, param
 from ...driveline import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
 from .cycles import TURN, normal_of
 from .lag import lagged
-from .part import LOAD, Command, Part, Shown, Wire
+from .part import LOAD, Command, Part, Shown, Wire, not_whole
 
 if TYPE_CHECKING:
     from ...base import Record
@@ -51,6 +51,13 @@ def chain_mass(chain: ChainConfig | Mapping[str, float]) -> float:
     """Return the mass of the chain [kg], linear in the length of its bar."""
     of = chain.__getitem__ if isinstance(chain, Mapping) else lambda name: getattr(chain, name)
     return max(0.0, of("stated_mass") + of("mass_per_bar") * (of("bar") - of("stated_bar")))
+
+
+def contradiction(chain: ChainConfig) -> tuple[str, str] | None:
+    """Return the name of a value and the rest of a sentence for a chain without mass or a seed that is none, otherwise None."""
+    if chain_mass(chain) == 0.0:
+        return "bar", f"is {chain.bar:g} m, for which stated_mass and mass_per_bar leave a chain without mass"
+    return not_whole(chain, "seed")
 
 
 def chain_inertia(chain: ChainConfig | Mapping[str, float]) -> float:
@@ -153,4 +160,5 @@ PART = Part(
         Command("jam", {"force": "force"}, "jam", "jammed", "force with which the kerf holds the chain", "force", node="kerf"),
     ),
     inertia=chain_inertia,
+    check=contradiction,
 )

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from ...base import INLINED, njit, param
 from ...driveline import HI0, HI1, KIN0, KIN1, LAM, LO0, LO1
 from .lag import lagged
-from .part import LOAD, MASS, Command, Part, Shown, Wire
+from .part import LOAD, MASS, Command, Part, Shown, Wire, not_whole
 
 if TYPE_CHECKING:
     from ...base import Record
@@ -216,5 +216,6 @@ PART = Part(
         Shown("torque", "torque", "torque", 0.0, 1e5, "Torque of the {called} on {body}.", "positive brakes {body}"),
         Shown("work", "work", "energy", 0.0, 1e9, "Work taken by the {called} since time 0.", "positive taken from {body}"),
     ),
+    check=lambda values: not_whole(values, "blades"),
     takes=(Command("feed", {"per_turn": "length"}, "target", "enabled", "feed of the log per turn of the crank", "length"),),
 )

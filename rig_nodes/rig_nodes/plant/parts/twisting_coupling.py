@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from ...base import INLINED, njit, param
 from ...driveline import E_FRIC, E_SHAFT, E_VISC, HI0, HI1, KIN0, KIN1, LAM, LO0, LO1, TAU
-from .part import COUPLING, Part, Shown, Wire
+from .part import COUPLING, Part, Shown, Wire, not_in_order
 
 if TYPE_CHECKING:
     from types import SimpleNamespace
@@ -240,7 +240,12 @@ def shaft(values: CouplingConfig | SimpleNamespace) -> tuple[float, float]:
 
 
 def check(values: CouplingConfig) -> tuple[str, str] | None:
-    """Return a value and the rest of an error's sentence for a coupling that locks itself or has stops softer than its springs."""
+    """Return a value and the rest of an error's sentence for a coupling that cannot be.
+
+    That is one with a nut inside its screw, one that locks itself, and one with stops softer than its springs.
+    """
+    if wrong := not_in_order(values, "inner_diameter", "outer_diameter"):
+        return wrong
     rho = atan(values.thread_friction)
     for name, angle in (("inner_angle", values.inner_angle), ("outer_angle", values.outer_angle)):
         if not rho < angle < 0.5 * pi - rho:
