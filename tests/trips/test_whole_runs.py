@@ -13,6 +13,24 @@ from rig_nodes.cli.main import main
 from rig_nodes.rig import config_of_record, load_rig
 from rig_nodes.runs import Rig, RigStatus, load_sequence, record
 
+REPORTING = """
+from rig_nodes.controllers.seam import ControllerOutputs, Status
+
+
+class Tcu:
+    level = "current"
+
+    def initialize(self, info):
+        pass
+
+    def terminate(self):
+        pass
+
+    def step(self, inputs):
+        if inputs.time < 0.3:
+            return ControllerOutputs(command=[0.0] * len(inputs.current))
+        return ControllerOutputs(status=Status({status}), message="P0746 pressure control valve A stuck off")
+"""
 BOTH_ON = (0.6, 0.6, 0.0)  # A at the outputs of the controller
 
 
@@ -177,3 +195,13 @@ def test_a_nominal_sequence_trips_nowhere(rig, sequence):
     config = load_rig(rig)
     run = record(config, load_sequence(sequence, {}, rig, rig, config))
     assert run.end == {"state": "ended", "reason": "the sequence ended"}
+
+
+@pytest.mark.parametrize("status, word", [(2, "error"), (3, "fatal")])
+def test_a_fault_that_the_controller_reports_trips_with_its_own_words(tmp_path, status, word):
+    (tmp_path / "tcu.py").write_text(REPORTING.format(status=status))
+    folder = tmp_path / "run"
+    assert main(["simulate", "sample", "--controller", f"python:{tmp_path / 'tcu.py'}:Tcu", "--out", str(folder)]) == 1
+    end = json.loads((folder / "report.json").read_text())["run"]["end"]
+    assert (end["state"], end["trip"]) == ("tripped", "controller_failed")
+    assert end["reason"].endswith(f"sample 300: status {word}: P0746 pressure control valve A stuck off")
