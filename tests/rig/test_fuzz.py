@@ -147,11 +147,11 @@ def what_is_wrong(config):
     sets = [frozenset(gear.clutches) for gear in structure.gears]
     if len(set(sets)) != len(sets) or not set().union(*sets) <= {device.name for device in structure.devices}:
         yield "gears"
-    if structure.shifts and sorted(config.wiring) != list(range(len(config.wiring))):
+    if len(set(config.wiring)) != len(config.wiring) or not all(0 <= one < structure.outputs for one in config.wiring):
         yield f"outputs {config.wiring}"
     if structure.input and not all(1e-3 < abs(ratio) < 1e3 for ratio in config.transmission.ratios.values() if ratio is not None):
         yield "ratios"
-    if not all(0.0 < trip.limit < math.inf and 0.0 <= trip.delay <= 60.0 and trip.row() for trip in config.trips):
+    if not all(0.0 <= trip.limit < math.inf and 0.0 <= trip.delay <= 60.0 and trip.row() for trip in config.trips):
         yield "trips"
     if config_of_record(config.as_dict(), "here").as_dict() != config.as_dict():
         yield "a record that gives another rig"

@@ -50,6 +50,7 @@ def trips_of_transducers(config: RigConfig) -> Iterator[Trip]:
     shown = {one.name: one for one in fitted(config)}
     for one in shown.values():
         yield from _one_alone(config, one)
+    yield from _joined(config, shown)
     structure = config.structure
     if not structure.shifts or structure.input is None:
         return
@@ -83,20 +84,41 @@ def _one_alone(config: RigConfig, one: Transducer) -> Iterator[Trip]:
     rests = Sum(f"time for which the reading of {one.name} has been the same", ((f"{STAYED}{one.name}", SAMPLE),))
     nothing = 1e-6 * full
     source = f"its noise and the converter's step: by chance a healthy one rests so long once in {1.0 / BY_CHANCE:.0e} times"
-    at_nothing = Condition(_size(one), False, nothing, "it shows 0")
-    yield Trip(f"dead_{one.name}", rests, "time", limit, source, LOST, 0.0, True, (at_nothing,))
+    if not _counts(config, one):  # one that counts pulses shows 0 at rest, without noise
+        at_nothing = Condition(_size(one), False, nothing, "it shows 0")
+        yield Trip(f"dead_{one.name}", rests, "time", limit, source, LOST, 0.0, True, (at_nothing,))
     neither = "it shows neither 0 nor its end"
     within = (Condition(_size(one), True, nothing, neither), Condition(_size(one), False, AT_END * full, neither))
     yield Trip(f"stuck_{one.name}", rests, "time", limit, source, ERRATIC, 0.0, True, within)
 
 
+def _counts(config: RigConfig, one: Transducer) -> bool:
+    return getattr(config.instruments, f"{one.like}_step", 0.0) > 0.0
+
+
+def _joined(config: RigConfig, shown: Mapping[str, Transducer]) -> Iterator[Trip]:
+    """Encoders of bodies that wheels and shafts always join: one shows nothing while another one shows that they turn."""
+    joins = [one.bodies for one in (*config.structure.meshes, *config.structure.shafts)]
+    turning = {one.shows.removesuffix(".speed"): one for one in shown.values() if one.type == "speed"}
+    for body, one in turning.items():
+        reached = {body}
+        for _ in joins:
+            reached.update(each for pair in joins if reached.intersection(pair) for each in pair)
+        others = [each for there, each in turning.items() if there in reached and each is not one]
+        if others and _counts(config, one):
+            turns = Condition(reading(others[0]), True, 5.0, f"{others[0].name} shows that it turns")
+            limit, source = 0.5 * getattr(config.instruments, f"{one.like}_step"), "half of the encoder's step: no pulse at all"
+            yield Trip(f"dead_{one.name}", _size(one), "angular velocity", limit, source, LOST, 0.2, False, (turns,))
+
+
 def _rests(config: RigConfig, one: Transducer, full: float) -> float:
     """Return the time [s] for which a healthy reading stays the same with a chance of BY_CHANCE."""
     values, signed = config.instruments, TRANSDUCER_TYPES[one.type].signed or one.low < 0.0
-    noise = getattr(values, f"{one.like}_noise", 0.0)
-    if noise <= 0.0 or getattr(values, f"{one.like}_step", 0.0) > 0.0:
-        return math.inf  # an encoder at a constant speed may count the same for as long as it lasts
-    step = (2.0 if signed else 1.0) * full / 2.0**values.resolution_bits if values.resolution_bits > 0.0 else 0.0
+    noise, step = getattr(values, f"{one.like}_noise", 0.0), getattr(values, f"{one.like}_step", 0.0)
+    if noise <= 0.0:
+        return math.inf
+    if step == 0.0 and values.resolution_bits > 0.0:
+        step = (2.0 if signed else 1.0) * full / 2.0**values.resolution_bits
     stays = math.erf(step / (2.0 * math.sqrt(2.0) * noise))  # in the middle of a step
     if stays >= 1.0:
         return math.inf

@@ -270,7 +270,7 @@ def look(sample: int, drive: int, numbers: Floats, law: Law, shown: Record, watc
     """
     if drive == BY_LAW:
         watch.said[0], watch.said[1] = law.state[0].gear, 1.0 if sample < law.state[0].shift_end else 0.0
-    return watched(watch, numbers, shown.row, shown.white)
+    return watched(watch, numbers, shown.row, shown.table[transducers.NOISE])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", _nrt=False)

@@ -232,7 +232,7 @@ def watched(watch: Watch, numbers: Floats, row: Floats, noise: Floats) -> int:
     row : (channels,) array of float
         What the transducers show.
     noise : (channels,) array of float
-        Standard deviation of the noise in it; 0 for encoders.
+        Standard deviation of the noise in it.
 
     Returns
     -------
