@@ -57,9 +57,8 @@ def main(args: argparse.Namespace) -> int:
     if args.port is not None and not 0 <= args.port <= 65535:
         raise RigError(f"--port {args.port}: expected a number from 0 to 65535")
     join = args.domain is not None or (args.rig is None and (running_rigs() or os.environ.get("ROS_DOMAIN_ID")))
-    options = [word for text in args.settings for word in ("--set", text)]
-    options += ["--faults"] * args.faults + (["--controller", args.controller] if args.controller else [])
-    if join and (args.rig or options):
+    options = ["--faults"] * args.faults + (["--controller", args.controller] if args.controller else [])
+    if join and (args.rig or args.settings or options):
         raise RigError("a rig that runs is joined as it is: leave away --domain, or the rig and its options")
     with of_running_rig(args.domain) if join else allocate() as domain:
         wanted = environment(domain)
@@ -77,7 +76,7 @@ def main(args: argparse.Namespace) -> int:
             sockets = listening(args.address, 0)
         if not join:
             find_config("rigs", args.rig or DEFAULT_RIG)
-        own = None if join else OwnRig(args.rig or DEFAULT_RIG, options, domain)
+        own = None if join else OwnRig(args.rig or DEFAULT_RIG, args.settings, options, domain)
         server = PanelServer(domain.number, own, sockets)
 
         def greet(url: str) -> None:

@@ -47,8 +47,7 @@ def main(args: argparse.Namespace) -> int:
     if ready[0][1].structure.shifts:
         print(embedded_line(), flush=True)
     failed, members = 0, list[Member]()
-    about = {"procedure": procedure.name, "description": procedure.description, "source": procedure.source}
-    rows = [{"label": series.label, "conditions": series.conditions, "units": series.units} for series in chosen]
+    rows = [series.about for series in chosen]
     for series, config, sequence in ready:
         for repeat in range(series.repeats):
             run_into = folder / f"{series.label}-{repeat + 1}"
@@ -60,7 +59,9 @@ def main(args: argparse.Namespace) -> int:
             write_report(run_into, report)
             print(format_report(report), end="\n\n", flush=True)
             members.append(member_of(series.label, run_into.name, report))
-            write_procedure(folder, about, rows, members)  # after each run, so that an interrupted procedure keeps what it found
+            write_procedure(
+                folder, procedure.about, rows, members
+            )  # after each run, so that an interrupted procedure keeps what it found
             if run["end"]["state"] == "interrupted":
                 print(f"rig: {run['end']['reason']}", file=sys.stderr)
                 return interrupted_code(run["end"]["reason"])

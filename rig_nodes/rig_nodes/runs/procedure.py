@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..base import (
     SI,
@@ -89,6 +89,11 @@ class Series:
     period: float | None
     first_seed: int
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """What `procedure.json` says of it."""
+        return {"label": self.label, "conditions": self.conditions, "units": self.units}
+
 
 @dataclass(frozen=True)
 class Procedure:
@@ -100,6 +105,11 @@ class Procedure:
     sequence: str
     repeats: int
     all_series: tuple[Series, ...]
+
+    @property
+    def about(self) -> dict[str, str]:
+        """What `procedure.json` says of it."""
+        return {"procedure": self.name, "description": self.description, "source": self.source}
 
     def series(self, chosen: list[str] | None = None) -> list[Series]:
         """Return the series of the procedure, in its order.

@@ -94,7 +94,8 @@ class Description:
             "settings": [described(one) for one in self.live.values() if one.numbers == 1],
             "outputs": self._outputs(),
             "faults": [self._fault(one) for one in faults_of(config).values()] if config.faults is not None else [],
-            "sequences": self._sequences(),
+            "sequences": [{"name": name, "text": text} for name, (_, text) in self._installed("sequences").items()],
+            "procedures": [{"name": name, "text": text} for name, (_, text) in self._installed("procedures").items()],
             "drive": self._drive(),
             "picture": self._picture(),
         }
@@ -108,13 +109,18 @@ class Description:
             whole |= {one.state for one in self.config.transmission.clutches} | {CONTROLLER_COMMAND}
         return wanted, whole
 
-    def _sequences(self) -> list[dict[str, str]]:
-        """The sequences of the rig and of those it is based on, with their lines of text."""
-        found: dict[str, str] = {}
-        for path in (path for file, _ in self._files for path in sorted((file.parent / "sequences").glob("*.yaml"))):
+    @property
+    def procedures(self) -> dict[str, Path]:
+        """The files of the rig's procedures by name."""
+        return {name: path for name, (path, _) in self._installed("procedures").items()}
+
+    def _installed(self, kind: str) -> dict[str, tuple[Path, str]]:
+        """The sequences or procedures of the rig and of those it is based on by name: their files and lines of text."""
+        found: dict[str, tuple[Path, str]] = {}
+        for path in (path for file, _ in self._files for path in sorted((file.parent / kind).glob("*.yaml"))):
             content = load_yaml(path)
-            found.setdefault(path.stem, str(content.get("description", "")) if isinstance(content, dict) else "")
-        return [{"name": name, "text": text} for name, text in found.items()]
+            found.setdefault(path.stem, (path, str(content.get("description", "")) if isinstance(content, dict) else ""))
+        return found
 
     def _drive(self) -> list[dict[str, str]]:
         """The nodes that take setpoints, in the order in which a first shift needs them, each with what it is for people."""

@@ -109,8 +109,22 @@ async def own_sequence(panel: Panel, page: Page, message: dict[str, Any]) -> str
     return f"{done}; it is saved as {path}"
 
 
+async def series(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Say which series a procedure has."""
+    procedure, found = await panel.series(text(message, "name"))
+    runs = "run" if procedure.repeats == 1 else "runs"
+    return f"{len(found)} series of {procedure.repeats} {runs}: {', '.join(one.label for one in found)}"
+
+
+async def procedure(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Run a procedure, or those of its series that are named, to its end."""
+    return await panel.run_procedure(*await panel.series(text(message, "name"), str(message.get("series") or "")))
+
+
 async def abort(panel: Panel, page: Page, message: dict[str, Any]) -> str:
-    """Abort the sequence that runs."""
+    """Abort the procedure or the sequence that runs."""
+    if panel.procedure is not None:
+        return panel.procedure.abort()
     return await answered(panel.bench.cancel_sequence(), "answer of the sequencer")
 
 
@@ -140,6 +154,7 @@ async def start(panel: Panel, page: Page, message: dict[str, Any]) -> str:
     """Start the page's own rig again after its end."""
     if panel.own is None:
         raise RigError("this page has joined a rig that somebody else starts")
+    panel.check_free()
     panel.own.start()
     return "the rig is starting"
 
@@ -167,6 +182,8 @@ ORDERS: dict[str, Order] = {
     "reset": reset,
     "sequence": sequence,
     "own sequence": own_sequence,
+    "series": series,
+    "procedure": procedure,
     "abort": abort,
     "fault": fault,
     "record": record,

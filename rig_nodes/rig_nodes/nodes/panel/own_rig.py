@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The rig that the operator's page has started: `rig run` without a sequence, as a process of its own that the page can start anew.
+"""The rig that the operator's page has started: `rig run`, as a process of its own that the page can start anew.
 
 The verb `panel` makes it.
 """
@@ -14,22 +14,28 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...base import RigError
 from ...controllers import Domain, environment
 from ...runs import run_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 PR_SET_PDEATHSIG = 1
 END = 40.0  # s that `rig run` has to end in order and to write its report
 
 
 class OwnRig:
-    """A rig worked by hand in a domain.
+    """A rig in a domain, which is worked by hand until it is told to run something.
 
     Attributes
     ----------
     rig : str
         Its name or folder.
+    settings : list of str
+        Its changed values, as --set takes them.
     folder : Path
         Folder of the run.
 
@@ -37,24 +43,27 @@ class OwnRig:
     ----------
     rig : str
         Its name or folder.
+    settings : list of str
+        Its changed values, as --set takes them.
     options : list of str
         Further options of `rig run`.
     domain : Domain
         Its domain.
     """
 
-    def __init__(self, rig: str, options: list[str], domain: Domain) -> None:
-        self.rig, self._options, self._domain = rig, options, domain
+    def __init__(self, rig: str, settings: list[str], options: list[str], domain: Domain) -> None:
+        self.rig, self.settings, self._options, self._domain = rig, settings, options, domain
         self.start()
 
-    def start(self) -> None:
-        """Start it; RigError while it runs."""
+    def start(self, words: Iterable[str] = (), folder: Path | None = None) -> None:
+        """Start it, by hand or with these further words of `rig run`; RigError while it runs."""
         if hasattr(self, "_process") and not self.ended:
             raise RigError("the rig runs already")
-        self.folder = Path(run_folder(None, "by-hand"))
+        self.folder = folder or Path(run_folder(None, "by-hand"))
+        words = ["--rig", self.rig, "--out", str(self.folder), *(f"--set={text}" for text in self.settings), *self._options, *words]
         libc = ctypes.CDLL(None)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "rig_nodes", "run", "--rig", self.rig, "--out", str(self.folder), *self._options],
+            [sys.executable, "-P", "-m", "rig_nodes", "run", *words],
             env=environment(self._domain),
             stdin=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C is for the page, which ends the rig in order

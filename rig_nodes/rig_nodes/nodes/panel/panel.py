@@ -14,16 +14,18 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from ...bags import Fields, cdr
-from ...base import RigError, printable
+from ...base import RigError, printable, unknown
 from ...controllers import participants
 from ...rig import CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, OWN
 from ..device import own_nodes
 from ..running_rig import STATE, STATES, read_in
 from .description import Description, described
+from .procedures import ProcedureRun, series_of
 from .shifts import Shifts
 from .tracks import Tracks
 
 if TYPE_CHECKING:
+    from ...runs import Procedure, Series
     from .bench import Bench
     from .own_rig import OwnRig
     from .page import Page
@@ -48,6 +50,8 @@ class Panel:
         The rig; None before one has been found.
     values : dict
         Values of the settings by name [SI].
+    procedure : ProcedureRun or None
+        The procedure that runs.
 
     Parameters
     ----------
@@ -65,11 +69,13 @@ class Panel:
         self.about: Description | None = None
         self.tracks: Tracks | None = None
         self.values: dict[str, Any] = {}
+        self.procedure: ProcedureRun | None = None
         self.shifts = Shifts(self.tell)
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
         self._state: dict[str, Any] = {"kind": "state", "state": "away", "reason": "no rig answers yet"}
         self._health: dict[str, Any] = {}
         self._progress: dict[str, Any] = {"kind": "sequence", "running": False, "text": ""}
+        self._found: dict[str, Any] = {}
         self._count, self._heard = 0, -SILENT - 1
         self._asked: set[asyncio.Task] = set()
         self._command: Fields | None = None
@@ -85,7 +91,7 @@ class Panel:
         if self.about is not None:
             page.tell(self._rig())
             page.tell({"kind": "values", "values": self._shown(self.values)})
-        for message in (self._state, self._health, self._progress, *self._events, *self.shifts.found):
+        for message in (self._state, self._health, self._progress, self._found, *self._events, *self.shifts.found):
             if message:
                 page.tell(message)
 
@@ -210,6 +216,8 @@ class Panel:
             told = {"kind": "event", "t": t, "from": topic.split("/")[1], "name": event.name, "text": event.text}
             self._events.append(told)
             self.tell(told)
+            if self.procedure is not None:
+                self.procedure.event(event.name, event.text)
             if topic == CONTROLLER_EVENTS:
                 self.shifts.event(event.name, t, self.tracks, self.about.config.catalogue)
 
@@ -235,7 +243,7 @@ class Panel:
             self.tell(told)
 
     def _take_progress(self) -> None:
-        told = {"kind": "sequence", **self.bench.progress}
+        told = {"kind": "sequence", **(self.procedure or self.bench).progress}
         if told != self._progress:
             self._progress = told
             self.tell(told)
@@ -244,6 +252,8 @@ class Panel:
         """Once a second: health, nodes, and whether the rig is there."""
         ended = self.own.how if self.own and self.own.ended else ""
         if self._count - self._heard > SILENT and (self._state["state"] != "away" or (ended and ended != self._state["reason"])):
+            if self.procedure is not None:
+                ended = f"the rig starts anew for procedure '{self.procedure.procedure.name}'"
             why = ended or f"nothing has come from ROS domain {self.domain} for some seconds"
             self._state = {"kind": "state", "state": "away", "reason": why}
             self.tell(self._state)
@@ -265,6 +275,54 @@ class Panel:
         if told != self._health:
             self._health = told
             self.tell(told)
+
+    # ---- procedures
+
+    async def series(self, name: str, wanted: str = "") -> tuple[Procedure, list[Series]]:
+        """Return a procedure of the rig by its name, with the series that are named; RigError when there is none."""
+        if self.about is None:
+            raise RigError("no rig answers yet")
+        files = self.about.procedures
+        if name not in files:
+            raise RigError(unknown("procedure", name, files))
+        return await asyncio.to_thread(series_of, files[name], self.own.rig if self.own else self.about.config.name, wanted)
+
+    def check_free(self) -> None:
+        """RigError while a procedure runs."""
+        if self.procedure is not None:
+            raise RigError(f"procedure '{self.procedure.procedure.name}' runs; abort it first")
+
+    async def run_procedure(self, procedure: Procedure, chosen: list[Series]) -> str:
+        """Run series of a procedure, then start the rig again that is worked by hand; return a sentence on its end.
+
+        It goes on when the page that has ordered it is closed; RigError when it cannot be run here, or did not end as planned.
+        """
+        if self.own is None:
+            raise RigError("this page has joined a rig that somebody else starts; a procedure starts the rig anew for each run")
+        run = await asyncio.to_thread(ProcedureRun, self.own, procedure, chosen, self._tell_found)
+        self.check_free()
+        if self.bench.progress["running"]:
+            raise RigError("a sequence runs; abort it first")
+        self.procedure = run
+        task = asyncio.get_running_loop().create_task(self._run(run, self.own))
+        self._asked.add(task)
+        task.add_done_callback(self._asked.discard)
+        return await asyncio.shield(task)
+
+    async def _run(self, run: ProcedureRun, own: OwnRig) -> str:
+        try:
+            return await run.run()
+        except asyncio.CancelledError:  # the page ends, and the rig with it
+            self.procedure = None
+            raise
+        finally:
+            if self.procedure is not None:
+                self.procedure = None
+                own.start()
+
+    def _tell_found(self, message: dict[str, Any]) -> None:
+        self._found = message
+        self.tell(message)
 
     def close(self) -> None:
         """End what belongs to it."""

@@ -1,4 +1,4 @@
-// Sequences: those that the rig has, and one composed of steps, which is saved on the rig's side and run from there.
+// Sequences and procedures: those that the rig has, and a sequence composed of steps, which is saved on the rig's side and run from there.
 
 import { at, make } from "./link.js";
 
@@ -17,24 +17,54 @@ export class Sequences {
   constructor(link) {
     this.link = link;
     at("sequence").onchange = () => this.describe();
-    at("run").onclick = () => this.give(at("sequence-said"), "sequence", { name: at("sequence").value });
+    at("run").onclick = () => {
+      const [kind, name] = this.chosen();
+      this.give(at("sequence-said"), kind, kind === "procedure" ? { name, series: at("series").value } : { name });
+    };
     at("abort").onclick = () => this.give(at("sequence-said"), "abort", {});
     at("add-step").onclick = () => this.add();
     at("run-own").onclick = () => this.own();
     link.on("sequence", (message) => this.show(message));
+    link.on("found", (message) => this.found(message));
     for (const kind of ["oil pressure", "gear", "motor speed", "wait"]) this.add(kind);
   }
 
-  rig({ sequences }) {
-    this.texts = new Map(sequences.map((one) => [one.name, one.text]));
-    at("sequence").replaceChildren(...sequences.map((one) => make("option", { value: one.name }, one.name)));
-    if (this.texts.has("demo")) at("sequence").value = "demo";
-    at("run").disabled = !sequences.length;
-    this.describe();
+  rig({ sequences, procedures }) {
+    const before = at("sequence").value;
+    const all = { sequence: sequences, procedure: procedures };
+    this.texts = new Map(Object.entries(all).flatMap(([kind, ones]) => ones.map((one) => [`${kind} ${one.name}`, one.text])));
+    at("sequence").replaceChildren(
+      ...Object.entries(all)
+        .filter(([, ones]) => ones.length)
+        .map(([kind, ones]) => make("optgroup", { label: `${kind}s` }, ...ones.map(({ name }) => make("option", { value: `${kind} ${name}` }, name)))),
+    );
+    const wanted = [before, "sequence demo"].find((one) => this.texts.has(one));
+    if (wanted) at("sequence").value = wanted;
+    at("run").disabled = !this.texts.size;
+    if (!wanted || wanted !== before) this.describe();
   }
 
-  describe() {
-    at("sequence-text").textContent = this.texts.get(at("sequence").value) ?? "This rig has no sequences of its own.";
+  // Kind and name of what is to be run.
+  chosen() {
+    const [, kind, name] = /^(\w+) (.*)$/.exec(at("sequence").value) ?? ["", "", ""];
+    return [kind, name];
+  }
+
+  async describe() {
+    const [kind, name] = this.chosen();
+    const text = this.texts.get(at("sequence").value) ?? "This rig has no sequences of its own.";
+    at("sequence-text").textContent = text;
+    at("series-of").hidden = kind !== "procedure";
+    if (kind !== "procedure") return;
+    const series = await this.link.ask("series", { name }).catch((error) => error.message);
+    if (this.chosen()[1] === name) at("sequence-text").textContent = `${text}. ${series}. The rig is started anew for each run.`;
+  }
+
+  // What the series of a procedure have found up to the last run.
+  found({ procedure, head, rows }) {
+    const cells = (tag, ones) => make("tr", {}, ...ones.map((one) => make(tag, {}, one)));
+    at("found").hidden = false;
+    at("found").replaceChildren(make("table", {}, make("caption", { class: "dim" }, `Found by ${procedure}, means of the runs of each series`), cells("th", head), ...rows.map((row) => cells("td", row))));
   }
 
   async give(where, what, more) {
@@ -48,12 +78,12 @@ export class Sequences {
     }
   }
 
-  show({ running, step = 0, steps = 1, text = "" }) {
+  show({ running, what = "step", step = 0, steps = 1, text = "" }) {
     at("progress").hidden = !running;
     at("progress").max = steps;
     at("progress").value = step;
     at("abort").disabled = !running;
-    if (running && text) at("sequence-said").textContent = `step ${step} of ${steps}: ${text}`;
+    if (running && text) at("sequence-said").textContent = `${what} ${step} of ${steps}: ${text}`;
   }
 
   add(kind = "wait") {

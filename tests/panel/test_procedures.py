@@ -1,0 +1,71 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Measuring procedures from the operator's page: start, progress, results and abort, with settings that a running rig keeps."""
+
+import json
+from pathlib import Path
+
+import pytest
+from browser import Browser
+from started_panel import READY, Panel
+
+pytestmark = pytest.mark.against_the_clock
+SAID = "document.getElementById('sequence-said').textContent"
+
+
+@pytest.fixture(scope="module")
+def folder(panel):
+    """The folder in which the page was started."""
+    return Path(f"/proc/{panel.process.pid}/cwd").resolve() / "runs"
+
+
+def choose(page, name, series=""):
+    """Chooses a procedure and its series as a hand does, and starts it."""
+    page.js(f"(() => {{ const s = document.getElementById('sequence'); s.value = 'procedure {name}'; s.onchange(); }})()")
+    page.until("document.getElementById('sequence-text').textContent.includes('series of')")
+    page.write("#series", series)
+    page.click("#run")
+
+
+def test_a_procedure_runs_with_its_progress_and_its_results_are_there(page, folder):
+    choose(page, "coast_down")
+    assert "1 series of 2 runs: 470rpm." in page.text("#sequence-text")
+    for number in (1, 2):
+        page.until(f"{SAID}.startsWith('run {number} of 2: series 470rpm, run {number} of 2: wait until n_wej')", 60)
+    page.until(f"{SAID}.startsWith(\"procedure 'coast_down' is done: 2 runs are in\")", 60)
+    assert page.text("#found tr:nth-child(3)").startswith("470rpm2"), page.text("#found")
+    written = json.loads((folder / "coast_down-1/procedure.json").read_text())
+    assert [one["runs"] for one in written["series"]] == [["470rpm-1", "470rpm-2"]]
+    seeds = [json.loads((folder / f"coast_down-1/470rpm-{k}/report.json").read_text())["run"]["seed"] for k in (1, 2)]
+    assert seeds == [1, 2], "those of `rig procedure`"
+    page.until(READY, 60)  # worked by hand again
+
+
+def test_settings_that_a_running_rig_keeps_are_changed_and_an_abort_ends_the_procedure(page, folder):
+    page.until(READY, 60)
+    choose(page, "valve_response", "ZR-P2")
+    page.until(f"{SAID}.startsWith('run 1 of 2: series ZR-P2, run 1 of 2: shift')", 90)
+    ordered = json.loads((folder / "valve_response-1/ZR-P2-1/run.json").read_text())
+    assert "4e-06" in json.dumps(ordered), "the step of this procedure"
+    page.click("#abort")
+    page.until(f"{SAID}.startsWith(\"procedure 'valve_response' was aborted: 0 of 2 runs\")", 60)
+    page.until(READY, 90)
+
+
+def test_a_series_that_is_not_there_and_a_rig_of_somebody_else_are_refused_with_the_reason(page, panel, tmp_path):
+    page.until(READY, 60)
+    choose(page, "delay_series", "77")
+    page.until(f"{SAID}.startsWith(\"procedure 'delay_series': there is no series '77'\")")
+    joined = Panel(tmp_path, "--domain", str(panel.domain))
+    try:
+        second = Browser(joined.url)
+        try:
+            second.until("document.getElementById('sequence').options.length > 0", 60)
+            choose(second, "coast_down")
+            second.until(f"{SAID}.startsWith('this page has joined a rig that somebody else starts')")
+        finally:
+            second.close()
+    finally:
+        joined.close()
+    assert page.text("#state") != "away", "the rig was not stopped"
