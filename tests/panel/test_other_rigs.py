@@ -38,5 +38,7 @@ def test_it_is_driven_from_its_page(tmp_path, rig, device, setting, value, signa
         moving = f"[...document.querySelectorAll('.chip')].find((one) => one.innerText.startsWith('{signal}'))"
         browser.until(f"Number({moving}.querySelector('.value').textContent) > {least}")
         assert browser.text("#driveline").strip(), "it has a picture of its own"
+        loads = browser.js("document.querySelectorAll('[data-setting$=relief_pressure]').length")
+        assert loads == browser.js("document.querySelectorAll('#setpoints [data-setting$=torque]').length"), "each in Nm too"
         assert browser.js("[...document.querySelectorAll('#setpoints .bad')].every((one) => !one.textContent)")
         assert browser.troubles == []

@@ -46,6 +46,25 @@ def test_a_first_shift_is_made_from_nothing_and_is_judged(page):
     )
 
 
+def test_a_load_is_given_as_torque_and_the_page_says_what_the_rig_makes_of_it(page):
+    page.write(field("load_pump.torque"), "60")
+    page.click(field("load_pump.enabled"))
+    torque = "[...document.querySelectorAll('.chip')].find((one) => one.innerText.startsWith('M_wyj')).querySelector('.value')"
+    page.until(f"Math.abs(Number({torque}.textContent) - 60) < 4")
+    held = page.js(f"Number(document.querySelector('{field('load_pump.torque')}').value)")
+    assert held == pytest.approx(60, abs=1) and page.text("[data-setting='load_pump.torque'] .bad") == ""
+    relief = page.js(f"Number(document.querySelector('{field('load_pump.relief_pressure')}').value)")
+    page.write(field("motor.speed"), "1500")  # a relief valve gives more pressure at this speed (Annex D)
+    page.until(f"Number(document.querySelector('{field('load_pump.torque')}').value) > {held} + 3")
+    assert page.js(f"Number(document.querySelector('{field('load_pump.relief_pressure')}').value)") == relief
+    page.write(field("load_pump.torque"), "900")
+    page.until("document.querySelector(\"[data-setting='load_pump.torque'] .bad\").textContent")
+    assert page.text("[data-setting='load_pump.torque'] .bad").startswith("load_pump.torque is 900 Nm, outside 0 to")
+    page.write(field("load_pump.torque"), "60")
+    page.click(field("load_pump.enabled"))
+    page.write(field("motor.speed"), "1000")
+
+
 def test_a_profile_that_is_dragged_is_what_the_rig_has_and_the_bag_holds(page, panel, tmp_path):
     before = page.js(f"document.querySelector('{OUTPUT} [aria-label$=\"P3, mA\"]').value")
     page.drag(f"{OUTPUT} [data-point='2']", 0, 12)

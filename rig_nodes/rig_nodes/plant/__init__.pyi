@@ -25,7 +25,7 @@ from .parts.centrifugal_clutch import CentrifugalConfig as CentrifugalConfig, cl
 from .parts.combustion_engine import full_torque as full_torque
 from .parts.curve_clutch import Force as Force
 from .parts.gear_loss import RPM as RPM
-from .parts.load_pump import LoadConfig as LoadConfig, most_torque as most_torque, relief_setting_for as relief_setting_for
+from .parts.load_pump import LoadConfig as LoadConfig, load_torque as load_torque, most_torque as most_torque, relief_setting_for as relief_setting_for
 from .parts.part import VALUES as VALUES
 from .parts.plates import derived_of_pack as derived_of_pack
 from .parts.proportional_valve import BY_DUTY as BY_DUTY, BY_LAW as BY_LAW, BY_SETPOINT as BY_SETPOINT

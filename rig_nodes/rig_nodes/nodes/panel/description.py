@@ -33,6 +33,7 @@ from ...rig import (
     shown_unit,
 )
 from ..running_rig import read_in
+from .loads import Load, loads_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -75,6 +76,8 @@ class Description:
         """Return a setting by its name, which may be one of the controller's own; RigError when there is none."""
         if name.startswith(f"{CONTROLLER}.{OWN}"):
             return own_setting(name)
+        if name in self.loads:
+            return self.loads[name].torque
         found = self.config.settings.find(name)
         found.check_lives()
         return found
@@ -82,7 +85,7 @@ class Description:
     @cached_property
     def whole(self) -> dict[str, Any]:
         """Everything that does not change while the rig runs, ready for JSON."""
-        config = self.config
+        config, torques = self.config, [one.torque for one in self.loads.values()]
         return {
             "name": config.name,
             "text": config.description,
@@ -91,7 +94,7 @@ class Description:
             "gears": [{"number": number, "name": name} for number, name in config.transmission.names.items()]
             if self.shifts
             else [],
-            "settings": [described(one) for one in self.live.values() if one.numbers == 1],
+            "settings": [described(one) for one in (*torques, *self.live.values()) if one.numbers == 1],
             "outputs": self._outputs(),
             "faults": [self._fault(one) for one in faults_of(config).values()] if config.faults is not None else [],
             "sequences": [{"name": name, "text": text} for name, (_, text) in self._installed("sequences").items()],
@@ -99,6 +102,11 @@ class Description:
             "drive": self._drive(),
             "picture": self._picture(),
         }
+
+    @cached_property
+    def loads(self) -> dict[str, Load]:
+        """The loads that are given as a torque too, by the names of these."""
+        return loads_of(self.config)
 
     def topics(self) -> tuple[list[Topic], set[str]]:
         """Return the topics that the page needs, and the names of those that the figure of a shift needs without gaps."""

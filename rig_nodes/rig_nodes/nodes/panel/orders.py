@@ -73,7 +73,10 @@ async def set_value(panel: Panel, page: Page, message: dict[str, Any]) -> str:
     name, written = text(message, "name"), text(message, "value")
     one = panel.about.setting(name)
     value = one.value_of(written, name)
-    await answered(panel.bench.set({name: value if isinstance(value, bool) else float(value)}), f"answer of {one.owner}")
+    if load := panel.about.loads.get(name):
+        assert panel.tracks is not None
+        one, value = load.relief, load.relief_for(float(value), panel.tracks)
+    await answered(panel.bench.set({one.name: value if isinstance(value, bool) else float(value)}), f"answer of {one.owner}")
     return one.sentence(value if isinstance(value, bool) else float(value))
 
 

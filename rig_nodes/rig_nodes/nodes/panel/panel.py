@@ -97,8 +97,9 @@ class Panel:
 
     def wish(self) -> None:
         """Decode what some page shows."""
-        if self.tracks is not None:
-            self.tracks.show({name for page in self.pages if page.wish for name in page.wish.names})
+        if self.tracks is not None and self.about is not None:
+            shown = {name for page in self.pages if page.wish for name in page.wish.names}
+            self.tracks.show(shown | {load.speed for load in self.about.loads.values()})
 
     # ---- twenty times a second
 
@@ -179,10 +180,18 @@ class Panel:
     # ---- what is told
 
     def _learn(self, values: dict[str, Any]) -> None:
+        values = values | self._torques(self.values | values)
         new = {name: value for name, value in values.items() if value is not None and self.values.get(name) != value}
         self.values |= new
         if new:
             self.tell({"kind": "values", "values": self._shown(new)})
+
+    def _torques(self, values: dict[str, Any]) -> dict[str, float]:
+        """Return the torques that the loads' settings make at the present speed."""
+        if self.about is None or self.tracks is None:
+            return {}
+        loads = ((name, load, values.get(load.relief.name)) for name, load in self.about.loads.items())
+        return {name: load.torque_of(setting, self.tracks) for name, load, setting in loads if setting is not None}
 
     def _take_values(self) -> None:
         changed = {}
@@ -249,7 +258,8 @@ class Panel:
             self.tell(told)
 
     def _look_slowly(self) -> None:
-        """Once a second: health, nodes, and whether the rig is there."""
+        """Once a second: health, nodes, torques of loads at their new speeds, and whether the rig is there."""
+        self._learn({})
         ended = self.own.how if self.own and self.own.ended else ""
         if self._count - self._heard > SILENT and (self._state["state"] != "away" or (ended and ended != self._state["reason"])):
             if self.procedure is not None:

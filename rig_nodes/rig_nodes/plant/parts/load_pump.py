@@ -114,6 +114,11 @@ def relief_setting_for(torque: float, speed: float, load: LoadConfig) -> float:
     return max(0.0, torque - load.mechanical_loss) / (load.displacement * factor)
 
 
+def load_torque(setting: float, speed: float, load: LoadConfig) -> float:
+    """Return the torque [Nm] that a relief setting [Pa] makes at a speed [rad/s]; :func:`relief_setting_for` is its inverse."""
+    return load.displacement * min(setting * relief_factor.py_func(speed), load.pressure_limit) + load.mechanical_loss
+
+
 @njit(**INLINED)
 def fill(world: Record, k: int, h: float) -> None:
     """Compute the share of a change of pressure that is still to come after a step."""
