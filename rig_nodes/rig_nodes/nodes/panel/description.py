@@ -89,6 +89,7 @@ class Description:
         return {
             "name": config.name,
             "text": config.description,
+            "controller": CONTROLLER if self.shifts else "",
             "signals": [self._signal(one) for one in config.catalogue.signals.values()],
             "chart": self._charts(),
             "gears": [{"number": number, "name": name} for number, name in config.transmission.names.items()]
@@ -113,6 +114,7 @@ class Description:
         known, whole = self.config.catalogue, {LOGGER}
         shown = {one.topic for one in known.signals.values()}
         wanted = [one for one in known.topics.values() if one.name in shown | whole or not one.rate]
+        wanted += known.controller_topics.values()
         if self.shifts:
             whole |= {one.state for one in self.config.transmission.clutches} | {CONTROLLER_COMMAND}
         return wanted, whole

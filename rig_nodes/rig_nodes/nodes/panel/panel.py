@@ -20,6 +20,7 @@ from ...rig import CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, OWN
 from ..device import own_nodes
 from ..running_rig import STATE, STATES, read_in
 from .description import Description, described
+from .own_signals import OwnSignals
 from .procedures import ProcedureRun, series_of
 from .shifts import Shifts
 from .tracks import Tracks
@@ -69,6 +70,7 @@ class Panel:
         self.about: Description | None = None
         self.tracks: Tracks | None = None
         self.values: dict[str, Any] = {}
+        self._own_signals, self._own_settings = OwnSignals(), list[dict[str, Any]]()
         self.procedure: ProcedureRun | None = None
         self.shifts = Shifts(self.tell)
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
@@ -116,6 +118,9 @@ class Panel:
         if self.tracks is not None and self.about is not None:
             if self.tracks.add(taken):
                 self._restart()
+            if self._own_signals.take(taken, self.tracks):
+                self.tell({"kind": "own signals", "signals": self._own_signals.described})
+                self.wish()
             for topic, known in self.about.config.catalogue.topics.items():
                 if known.ros_type == EVENT and topic in taken:
                     self._take_events(topic, taken[topic])
@@ -144,6 +149,7 @@ class Panel:
         self.tracks = Tracks(catalogue, STATE)
         self._command = Fields(catalogue.topics[CONTROLLER_COMMAND].ros_type) if self.about.shifts else None
         self.values, self._health = {}, {}
+        self._own_signals, self._own_settings = OwnSignals(), []
         self.bench.health.clear()
         self.bench.listen(*self.about.topics())
         self._restart()
@@ -157,13 +163,15 @@ class Panel:
 
     def _rig(self) -> dict[str, Any]:
         assert self.about is not None
-        return {"kind": "rig", "domain": self.domain, "own": self.own is not None} | self.about.whole
+        own = {"own_signals": self._own_signals.described, "own_settings": self._own_settings}
+        return {"kind": "rig", "domain": self.domain, "own": self.own is not None, **own} | self.about.whole
 
     async def _ask_values(self, node: str) -> None:
         with suppress(RigError, TimeoutError):
             found = await asyncio.wait_for(asyncio.wrap_future(self.bench.values(node)), 4 * PATIENCE)
             own = [described(self.about.setting(name)) for name in found if self.about and name.startswith(f"{CONTROLLER}.{OWN}")]
             if own:
+                self._own_settings = own
                 self.tell({"kind": "own settings", "settings": own})
             self._learn(found)
 
@@ -278,6 +286,7 @@ class Panel:
                 }
                 for name, one in sorted(self.bench.health.items())
             },
+            "own": self._own_signals.newest.copy(),
             "others": [printable(name) for name in self.bench.nodes() if name not in own],
             "participants": participants(self.domain),
             "pages": len(self.pages),

@@ -18,7 +18,7 @@ from ...bags import cdr
 from ...view import Blocks, Envelope
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Collection, Iterable, Mapping
 
     from ...rig import Catalogue
 
@@ -75,10 +75,13 @@ class Tracks:
         Newest time of the rig [s].
     messages : dict of str to deque of bytes
         The kept messages of each topic, as they were sent.
+    also : collection of str
+        Signals that are not in the catalogue; :meth:`put` gives their values.
     """
 
-    def __init__(self, known: Catalogue, clock: str) -> None:
+    def __init__(self, known: Catalogue, clock: str, also: Collection[str] = ()) -> None:
         self._known, self._clock = known, clock
+        self.also = also
         self.now, self._bytes = 0.0, 0
         self.messages: dict[str, deque[bytes]] = {name: deque() for name in known.topics}
         self._shown: dict[str, Track] = {}
@@ -91,7 +94,7 @@ class Tracks:
             now = cdr.stamp(clock[-1]) * 1e-9
             again = now < self.now - 1.0
             if again:
-                self.__init__(self._known, self._clock)
+                self.__init__(self._known, self._clock, self.also)
             self.now = now
         for topic, messages in taken.items():
             if topic in self.messages:
@@ -111,16 +114,23 @@ class Tracks:
 
     def show(self, names: Iterable[str]) -> None:
         """Decode these signals from now on, those new among them also from what is kept, and no others."""
-        wanted = {name for name in names if name in self._known.signals}
+        wanted = {name for name in names if name in self._known.signals or name in self.also}
         for name in self._shown.keys() - wanted:
             del self._shown[name]
         new: dict[str, list[str]] = {}
         for name in wanted - self._shown.keys():
             self._shown[name] = Track()
-            new.setdefault(self._known.signals[name].topic, []).append(name)
+            if name in self._known.signals:
+                new.setdefault(self._known.signals[name].topic, []).append(name)
         for topic, signals in new.items():
             if topic in self.messages:
                 self._decode(topic, list(self.messages[topic]), signals)
+
+    def put(self, name: str, t: np.ndarray, values: np.ndarray) -> None:
+        """Append values (n,) at growing times (n,) [s] to a signal that is not in the catalogue, if it is shown."""
+        track = self._shown.get(name)
+        if track is not None and (not len(track.t) or t[0] > track.t[-1]):
+            track.add(t, values)
 
     def _decode(self, topic: str, messages: list[bytes], names: list[str]) -> None:
         if topic not in self._blocks:

@@ -30,8 +30,9 @@ export class Charts {
   }
 
   rig(message) {
-    this.known = new Map(message.signals.map((one) => [one.name, one]));
-    at("signals").replaceChildren(...message.signals.map((one) => make("option", { value: one.name }, `${one.text} [${one.unit}]`)));
+    this.known = new Map();
+    at("signals").replaceChildren();
+    this.learn([...message.signals, ...message.own_signals]);
     let saved = null;
     try {
       saved = JSON.parse(localStorage.getItem(`${KEY} ${message.name}`));
@@ -43,6 +44,14 @@ export class Charts {
     at("strips").replaceChildren();
     for (const names of Array.isArray(saved) && saved.length ? saved : message.chart) this.add(names.filter((one) => this.known.has(one)), false);
     this.wish();
+  }
+
+  // Takes signals that can be shown.
+  learn(signals) {
+    for (const one of signals) {
+      if (!this.known.has(one.name)) at("signals").append(make("option", { value: one.name }, `${one.text} [${one.unit}]`));
+      this.known.set(one.name, one);
+    }
   }
 
   // Charts and picture together decide what the server sends.
@@ -72,6 +81,7 @@ export class Charts {
     this.build(row);
     if (wished) {
       this.save();
+      if (names.length) this.wish();
       row.node.querySelector("input").focus();
     }
   }

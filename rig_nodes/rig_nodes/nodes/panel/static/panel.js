@@ -83,6 +83,9 @@ link.on("rig", (message) => {
   driveline.rig(message);
   charts.also = driveline.signals;
   charts.rig(message);
+  at("controller").hidden = !message.controller;
+  ownSignals(message.own_signals);
+  ownSettings(message.own_settings);
   profiles.rig(message);
   sequences.rig(message);
   shifts.rig(message);
@@ -104,22 +107,17 @@ function gears({ gears: all }) {
 
 // ---- settings
 
+const owner = (one) => one.name.split(".")[0];
+
 function settings(all) {
   const drive = all.filter((one) => one.setpoint);
   const place = (one) => rig.drive.findIndex(({ node }) => node === owner(one));
   at("setpoints").replaceChildren(...drive.sort((a, b) => place(a) - place(b) || (a.kind === "switch") - (b.kind === "switch")).map((one) => setting(one, true)));
   at("setting-list").replaceChildren();
-  more(all.filter((one) => !one.setpoint));
-}
-
-const owner = (one) => one.name.split(".")[0];
-
-function more(all) {
   const groups = new Map();
-  for (const one of all) groups.set(owner(one), [...(groups.get(owner(one)) ?? []), one]);
+  for (const one of all.filter((one) => !one.setpoint)) groups.set(owner(one), [...(groups.get(owner(one)) ?? []), one]);
   for (const [name, ones] of groups) at("setting-list").append(make("details", { open: groups.size < 3 }, make("summary", {}, name.replaceAll("_", " ")), ...ones.map((one) => setting(one, false))));
 }
-link.on("own settings", ({ settings: all }) => more(all));
 
 at("find").oninput = () => {
   const wanted = at("find").value.trim().toLowerCase();
@@ -195,7 +193,8 @@ link.on("event", (message) => {
 });
 link.on("restart", () => at("event-list").replaceChildren());
 
-link.on("health", ({ devices, others, pages, participants }) => {
+link.on("health", ({ devices, own, others, pages, participants }) => {
+  plugged(devices[rig?.controller], own);
   at("device-list").replaceChildren(
     ...Object.entries(devices).map(([name, { level, text }]) => make("tr", {}, make("th", { scope: "row" }, name), make("td", { class: level === "ok" ? "" : "bad" }, text))),
   );
@@ -219,6 +218,36 @@ for (const [id, ending] of [["rec-bag", "bag.zip"], ["rec-report", "report.html"
     setTimeout(() => URL.revokeObjectURL(address), 60000);
     at("rec-said").textContent = "";
   };
+}
+
+// ---- the controller
+
+link.on("own signals", ({ signals }) => {
+  charts.learn(signals);
+  ownSignals(signals);
+});
+
+function ownSignals(all) {
+  at("own-signals").hidden = !all.length;
+  at("own-list").replaceChildren(
+    ...all.map(({ name, unit }) => {
+      const chart = make("button", { "aria-label": `chart of ${name}` }, "Chart");
+      chart.onclick = () => charts.add([name]);
+      return make("tr", { "data-own": name }, make("th", { scope: "row" }, name), make("td", { class: "number" }, "–"), make("td", {}, unit === "-" ? "" : unit), make("td", {}, chart));
+    }),
+  );
+}
+
+// Those of a user's controller have no text, so their names stand there.
+const ownSettings = (all) => at("own-settings").replaceChildren(...all.map((one) => setting({ ...one, text: one.name.replace(`${rig.controller}.`, "") }, false)));
+link.on("own settings", ({ settings: all }) => ownSettings(all));
+
+function plugged(controller, own) {
+  at("controller-state").textContent = controller ? `${controller.values.controller}: ${controller.text}` : "no controller has answered yet";
+  at("controller-state").className = controller?.level === "ok" ? "" : "bad";
+  const values = Object.entries(controller?.values ?? {}).filter(([key]) => key !== "controller");
+  at("controller-list").replaceChildren(...values.map(([key, value]) => make("tr", {}, make("th", { scope: "row" }, key.replaceAll("_", " ")), make("td", {}, value))));
+  for (const row of at("own-list").children) row.children[1].textContent = shown(own[row.dataset.own], 5);
 }
 
 // ---- faults
