@@ -20,12 +20,11 @@ import pytest
 
 import rig_nodes
 from rig_nodes.analysis import put_loops
-from rig_nodes.api import swept
 from rig_nodes.bags import canonical_hash
 from rig_nodes.base import load_yaml
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerOutputs
-from rig_nodes.runs import Lost
+from rig_nodes.runs import Lost, Workers
 
 SHORT = Path(__file__).parents[1] / "sweep" / "short.yaml"
 
@@ -98,6 +97,8 @@ def test_settings_are_texts_or_si_numbers_nested_or_with_dots(rig):
         ),
         (lambda: rig_nodes.sweep("hydmag", [{"wait": {"four": "1 s"}}], {"load": "1 Nm"}), "step:1: unknown key 'four' in wait"),
         (lambda: rig_nodes.load("hydmag").modes("III"), "--gear III: there is no gear 'III'"),
+        (lambda: rig_nodes.sweep("hydmag", "demo", {}, bags=True), "bags are kept in the sweep's folder; give folder too"),
+        (lambda: rig_nodes.sweep("hydmag", "demo", {"seed": "1, 2"}, controller="udp:9000"), "one program of its own"),
         (lambda: rig_nodes.sweep("hydmag", "demo", {}), "a sweep needs something to vary: by the name of each parameter"),
         (lambda: rig_nodes.open("nowhere"), "nowhere: there is no such file or folder"),
         (lambda: rig_nodes.sweep("hydmag", "demo", {"alfa46.t12": "1 MPa, 2 MPa"}), "vary alfa46.t12"),
@@ -145,6 +146,27 @@ def test_steps_are_swept_as_a_file_with_them_is(tmp_path):
     assert one["t_c_s"].tolist() == other["t_c_s"].tolist() and len(one) == 2
 
 
+def test_a_sweep_takes_what_that_of_the_command_line_takes(tmp_path, capsys):
+    box, folder = tmp_path / "box.py", tmp_path / "sweep"
+    box.write_text(
+        "from rig_nodes.controllers import ControllerOutputs\n\n\nclass Box:\n    levels = ('current',)\n\n"
+        "    def initialize(self, info):\n        self.outputs = len(info.outputs)\n\n    def step(self, inputs):\n"
+        "        command = [0.74 if inputs.gear_request == k + 1 else 0.0 for k in range(self.outputs)]\n"
+        "        return ControllerOutputs(command, gear=inputs.gear_request)\n\n    def terminate(self):\n        pass\n"
+    )
+    vary = {"alfa46.t12": ["-0.24 s", "-0.2 s"], "seed": "3, 5"}
+    own = {"controller": f"python:{box}:Box", "delay": 2, "parameters": {"rest": "40 ms"}}
+    table = rig_nodes.sweep("hydmag", SHORT, vary, method="list", folder=folder, bags=True, **own)
+    assert list(table["end"]) == ["ended", "ended"] and len(table) == 2
+    bag = rig_nodes.open(folder / "bags" / "000001")
+    assert bag.report["run"]["seed"] == 5 and bag.report["run"]["controller"]["name"].endswith("Box")
+    words = ["--method", "list", "--controller", f"python:{box}:Box", "--delay", "2", "--with", "rest=40 ms", "--bags"]
+    varied = [f"--vary={name}={spec if isinstance(spec, str) else ', '.join(spec)}" for name, spec in vary.items()]
+    assert main(["sweep", str(SHORT), "--rig", "hydmag", *varied, *words, "--out", str(folder)]) == 0
+    assert "2 of 2 members are finished already" in capsys.readouterr().err, "it is the same sweep"
+    assert pq.read_table(folder / "results.parquet")["t_order_s"].to_pylist() == table["t_order_s"].tolist()
+
+
 def test_modes_are_those_of_the_command_line(capsys):
     table = rig_nodes.load("ural2").modes()
     assert main(["modes", "ural2", "--json", "-"]) == 0
@@ -170,7 +192,7 @@ def test_members_lost_with_their_processes_are_run_by_the_next_call(tmp_path, mo
     vary = {"rest": ["50 ms", "60 ms"]}
     with monkeypatch.context() as patch:
         patch.setattr(
-            swept, "_one_by_one", lambda _run, items: [(k, None, Lost("2 processes were killed")) for k, _ in enumerate(items)]
+            Workers, "stream", lambda _self, _run, items: [(k, None, Lost("2 processes were killed")) for k, _ in enumerate(items)]
         )
         with pytest.raises(rig_nodes.RigError, match="member 1: 2 processes were killed"):
             rig_nodes.sweep("hydmag", SHORT, vary, folder=tmp_path / "sweep")

@@ -119,7 +119,7 @@ def test_an_interrupt_ends_it_and_says_how_to_go_on(tmp_path, capsys, monkeypatc
     def interrupted(plan, store, stream, progress=None):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rig_nodes.studies.run_sweep", interrupted)
+    monkeypatch.setattr("rig_nodes.api.swept.run_sweep", interrupted)
     folder = tmp_path / "sweep"
     assert main(["sweep", SHORT, "--vary", "rest=30 ms, 60 ms", "--jobs", "1", "--out", str(folder)]) == 130
     assert f"go on with: ./rig sweep {folder}" in capsys.readouterr().err

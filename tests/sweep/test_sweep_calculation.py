@@ -8,6 +8,7 @@ import json
 import pyarrow.parquet
 import pytest
 
+import rig_nodes
 from rig_nodes.cli.main import main
 
 CODE = '''\
@@ -58,6 +59,9 @@ def test_each_members_table_is_in_the_results_with_and_without_bags(folder, tmp_
         assert table["table.work"].to_pylist()[1] > 3 * table["table.work"].to_pylist()[0] > 0.0
     plan = json.loads((tmp_path / "plain" / "sweep.json").read_text())
     assert plan["plan"]["calculate"] == "ends" and plan["calculation"]
+    found = rig_nodes.sweep(folder, "short", {"speed": ["200 rpm", "400 rpm"]}, calculate="ends")
+    assert found["table.speed"].tolist() == table["table.speed"].to_pylist() and found.units["table.work"] == "J"
+    assert "t_c_s" not in str(found) and "table.work" in str(found)
     capsys.readouterr()
     assert main(["sweep", str(tmp_path / "plain")]) == 0
     assert "2 of 2 members are finished already" in capsys.readouterr().err

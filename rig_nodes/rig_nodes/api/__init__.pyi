@@ -10,5 +10,5 @@ from .rig import Rig as Rig, load as load
 from .run import Run as Run
 from .signals import Signal as Signal, Signals as Signals
 from .simulated import controller_log as controller_log, simulated as simulated
-from .swept import sweep as sweep
+from .swept import run_plan as run_plan, sweep as sweep
 from .table import Table as Table

@@ -265,8 +265,7 @@ class Rig:
         """Return the plug of a controller and its specification; None twice for the rig's own."""
         if controller is None and level is None and delay == 1:
             return None, None
-        own = isinstance(controller, type)
-        spec = f"python:{controller.__module__}:{controller.__qualname__}{IN_PROCESS}" if own else controller
+        spec = spec_of(controller)
         check_controller(self.config)
         plug = load_controller(spec, self.config, level)
         try:
@@ -317,6 +316,12 @@ class Rig:
             raise RigError(f"setting {name} is {brief(value)}; expected a text with a unit or a number in SI") from None
         unit, factor = shown_in(setting.dimension) if setting.is_number else ("-", 1.0)
         return f"{number / factor!r} {unit}"
+
+
+def spec_of(controller: str | type | None) -> str | None:
+    """Return a controller as after ``--controller``; a class runs in its caller's process."""
+    own = isinstance(controller, type)
+    return f"python:{controller.__module__}:{controller.__qualname__}{IN_PROCESS}" if own else controller
 
 
 def _seed(seed: object) -> int:

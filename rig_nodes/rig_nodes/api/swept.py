@@ -8,16 +8,30 @@ from __future__ import annotations
 import contextlib
 import json
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis import SHORT, loop_columns, named_metrics
 from ..base import SI, STARTING, UNITS, RigError, brief, waiting
-from ..runs import Workers, sequence_of
-from ..studies import Plan, Store, Varied, make_plan, manifest_of, rows_of, run_sweep
-from .rig import Rig, load
+from ..runs import Workers, sequence_of, start_server
+from ..studies import (
+    Plan,
+    Store,
+    Varied,
+    column_of,
+    dask_stream,
+    forget_unfinished,
+    make_plan,
+    manifest_of,
+    parquet,
+    plugged_of,
+    rows_of,
+    run_sweep,
+)
+from .rig import Rig, load, spec_of
 from .table import GEARS, Table, column_unit
 
 if TYPE_CHECKING:
@@ -31,10 +45,18 @@ def sweep(
     vary: Mapping[str, str | Sequence],
     *,
     samples: int | None = None,
+    method: str = "",
     repeats: int = 1,
     seed: int = 1,
+    parameters: Mapping[str, Any] | None = None,
+    controller: str | type | None = None,
+    level: str | None = None,
+    delay: int = 1,
+    calculate: str = "",
     jobs: int = 1,
+    dask: str | None = None,
     folder: str | Path | None = None,
+    bags: bool = False,
 ) -> Table:
     """Run a sequence for many values of its parameters or of the rig's settings.
 
@@ -49,20 +71,38 @@ def sweep(
         By the name of a parameter or setting the values that it takes: a list of texts with units, of a setting also
         of numbers in SI, or a text as after ``--vary``: ``"20 Nm .. 100 Nm in 5"``, ``"-250 ms .. -150 ms step 10 ms"``.
     samples : int, optional
-        Members that a Latin hypercube draws from the ranges; by default every value is run with every other.
+        Members that ``"random"`` and ``"lhs"`` draw from the ranges.
+    method : str, optional
+        ``"grid"``, every value with every other; ``"list"``, the values row by row; ``"random"``; ``"lhs"``, a Latin hypercube.
+        By default a grid, with ``samples`` a Latin hypercube.
     repeats : int
         Runs of each point, with other noise.
     seed : int
         Seed of the first member; those of the others follow.
+    parameters : mapping, optional
+        Parameters of the sequence that all members share, as after ``--with``.
+    controller : str or type, optional
+        A controller in place of the rig's own, as of :meth:`Rig.simulate`, which each member begins anew; a class must be found
+        by its module's name where ``jobs`` or ``dask`` are given.
+    level, delay : str or None, int
+        As of :meth:`Rig.simulate`.
+    calculate : str, optional
+        A calculation of the rig's folder that is made of each run in place of the metrics of shifts.
     jobs : int
         Processes; with one the members run in this process.
+    dask : str, optional
+        A Dask cluster in their place: address of its scheduler, or ``"local:N"``.
     folder : str or Path, optional
-        Folder of the sweep, as `rig sweep --out`, in which one that was interrupted goes on; by default it is not kept.
+        Folder of the sweep with its results as Parquet, as `rig sweep --out`, in which one that was interrupted goes on; by
+        default it is not kept.
+    bags : bool
+        True to keep in ``folder`` a bag with its report of each member.
 
     Returns
     -------
     Table
-        A row for each shift: ``member``, what was varied in SI, the names of the gears, ``end`` and the metrics.
+        A row for each shift: ``member``, what was varied in SI, the names of the gears, ``end`` and the metrics. With
+        ``calculate`` a row for each of the calculation's, whose columns begin with ``table.`` and have its units.
 
     Raises
     ------
@@ -82,20 +122,111 @@ def sweep(
     steps = not isinstance(sequence, str | Path)
     if steps and folder is not None:
         raise RigError(f"folder is {folder}: a sweep that is kept takes a sequence's name or file; write the steps to one")
+    if bags and folder is None:
+        raise RigError("bags are kept in the sweep's folder; give folder too")
     given = {name: spec if isinstance(spec, str) else [rig.text_of(name, one) for one in spec] for name, spec in vary.items()}
+    fixed_with = {name: str(value) for name, value in (parameters or {}).items()}
+    plugged = plugged_of(spec_of(controller), level, delay)
     with contextlib.ExitStack() as stack:
         own = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-sweep-")))
         what = _written(own / "steps.yaml", sequence, rig) if steps else str(sequence)
-        draft = Plan(what, rig.source, samples=samples, repeats=repeats, seed=seed, fixed=rig.settings)
+        draft = Plan(what, rig.source, method, samples, seed, repeats, fixed=rig.settings, fixed_with=fixed_with)
+        draft = replace(draft, plugged=plugged, calculation=calculate)
         plan = make_plan(draft, given, {name: f"vary {name}" for name in given})
-        place = Path(folder or own / "sweep")
-        store = stack.enter_context(Store(place, manifest_of(plan, False)))
         starting = stack.enter_context(contextlib.ExitStack())
         starting.enter_context(waiting(STARTING))
-        stream = _one_by_one if jobs == 1 else stack.enter_context(Workers(jobs)).stream
-        run_sweep(plan, store, stream, lambda _done, _entry: starting.close())
-        entries = sorted(store.entries(), key=lambda entry: entry["member"])
-    return _table(plan, rig, entries)
+        place, kept = Path(folder or own / "sweep"), folder is not None
+        found = run_plan(plan, place, bags, jobs, dask, lambda _of, _begun: lambda _done, _entry: starting.close(), kept)
+    if found.interrupted is not None:
+        raise found.interrupted
+    return _table(plan, rig, found.entries)
+
+
+@dataclass(frozen=True)
+class Members:
+    """The members of a sweep that are finished.
+
+    Parameters
+    ----------
+    entries : list of dict
+        What is recorded of each, by their numbers.
+    of : int
+        Number of all members.
+    begun : int
+        How many were finished already when the sweep began.
+    interrupted : KeyboardInterrupt or None
+        What has ended it before all of them were.
+    """
+
+    entries: list[dict]
+    of: int
+    begun: int
+    interrupted: KeyboardInterrupt | None
+
+
+def run_plan(
+    plan: Plan,
+    folder: Path,
+    bags: bool = False,
+    jobs: int = 1,
+    dask: str | None = None,
+    watch: Callable[[int, int], Callable[[int, dict], None]] | None = None,
+    results: bool = True,
+) -> Members:
+    """Run the members of a plan that its folder lacks; :func:`sweep` and `rig sweep` do.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan.
+    folder : Path
+        Folder of the sweep.
+    bags, jobs, dask : bool, int, str or None
+        As of :func:`sweep`.
+    watch : callable, optional
+        Called with the numbers of all members and of those that are finished already, it returns what is called with the number
+        of finished members and with what is recorded of each.
+    results : bool
+        True to write the results as Parquet, if nothing interrupts.
+
+    Returns
+    -------
+    Members
+        The finished members.
+
+    Raises
+    ------
+    RigError
+        When the folder holds something else, or processes were killed before they had finished a member.
+    """
+    if results:
+        parquet()
+    if jobs > 1 and not dask:
+        start_server("rig_nodes.studies.sweep.run", rigs=[plan.rig])
+    with Store(folder, manifest_of(plan, bags)) as store:
+        of, begun, interrupted = store.manifest["members"], len(store.done), None
+        progress = watch(of, begun) if watch else None
+        if begun < of:
+            try:
+                with _stream(jobs, dask) as stream:
+                    run_sweep(plan, store, stream, progress)
+            except KeyboardInterrupt as stop:
+                interrupted = stop
+                forget_unfinished(store)
+        if results and interrupted is None:
+            store.write_results(plan)
+        return Members(sorted(store.entries(), key=lambda entry: entry["member"]), of, begun, interrupted)
+
+
+@contextlib.contextmanager
+def _stream(jobs: int, dask: str | None) -> Iterator[Callable[..., Iterator[tuple[int, Any, Exception | None]]]]:
+    """Give the function that runs the members, on a cluster or with the allowed number of processes."""
+    if dask:
+        with dask_stream(dask) as stream:
+            yield stream
+        return
+    with Workers(jobs) as workers:
+        yield workers.stream
 
 
 def _table(plan: Plan, rig: Rig, entries: list[dict]) -> Table:
@@ -110,8 +241,9 @@ def _table(plan: Plan, rig: Rig, entries: list[dict]) -> Table:
         units[one.name] = _to_si(rows, one)
     for entry in entries:
         units |= {name: unit for row in entry["shifts"] for name, (_, unit) in loop_columns(row).items() if name not in units}
-    varied = list(units)
-    shown = ["member", *varied, "shift", "from_gear", "to_gear", *(one.key for one in named_metrics(SHORT)), "valid", "end"]
+        units |= {column_of(name): unit for name, unit in entry.get("table", {"columns": {}})["columns"].items()}
+    of_shifts = ["shift", "from_gear", "to_gear", *(one.key for one in named_metrics(SHORT)), "valid"]
+    shown = ["member", *units, *([] if plan.calculation else of_shifts), "end"]
     columns = dict.fromkeys(key for row in rows for key in row)
     return Table({name: units.get(name, column_unit(name)) for name in columns}, rows, shown, figures)
 
@@ -142,9 +274,3 @@ def _to_si(rows: list[dict], one: Varied) -> str:
     for row in rows:
         row[one.name] *= factor
     return SI[dimension].strip("-")
-
-
-def _one_by_one(function: Callable[[Any], Any], items: Iterable) -> Iterator[tuple[int, Any, Exception | None]]:
-    """Run the members in this process, in the form of Workers.stream."""
-    for place, item in enumerate(items):
-        yield place, function(item), None

@@ -8,16 +8,15 @@ from __future__ import annotations
 import json
 import sys
 import time
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..base import ProgressLine
 from .run_arguments import add_in_process, controller_of, delay
 
 if TYPE_CHECKING:
     import argparse
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable
 
     from ..rig import RigConfig
     from ..studies import Plan
@@ -117,44 +116,43 @@ def main(args: argparse.Namespace) -> int:
     if args.jobs > 1 and not args.dask:
         start_server("rig_nodes.studies.sweep.run", rigs=[plan.rig])
 
-    from ..studies import RESULTS, Store, forget_unfinished, manifest_of, parquet, run_sweep
+    from ..api import run_plan
+    from ..studies import RESULTS, parquet
 
     parquet()
-    manifest = manifest_of(plan, bags)
     folder = folder or (free_folder(plan.name) if args.out is None else Path(args.out))
-    config = load_rig(plan.rig, plan.fixed)
-    with Store(folder, manifest) as store:
-        of, begun, start = manifest["members"], len(store.done), time.monotonic()
+    config, start = load_rig(plan.rig, plan.fixed), time.monotonic()
+    line: ProgressLine | None = None
+    failed = 0
+
+    def watch(of: int, begun: int) -> Callable[[int, dict], None]:
+        nonlocal line
         if begun:
             print(f"{folder}: {begun} of {of} members are finished already", file=sys.stderr, flush=True)
-        line, failed = ProgressLine(of, begun), [0]
+        shown = line = ProgressLine(of, begun)
 
         def progress(done: int, entry: dict) -> None:
-            failed[0] += entry["end"]["state"] != "ended"
-            line.show(done, f"{done} of {of} members" + (f", {failed[0]} not ended" if failed[0] else ""))
+            nonlocal failed
+            failed += entry["end"]["state"] != "ended"
+            shown.show(done, f"{done} of {of} members" + (f", {failed} not ended" if failed else ""))
 
-        interrupted: tuple[str, int] | None = None  # reason of the end, exit code
-        if begun < of:
-            try:
-                with _stream(args) as stream:
-                    run_sweep(plan, store, stream, progress)
-            except KeyboardInterrupt as stop:
-                interrupted = ended_by(stop)
-                forget_unfinished(store)
-                line.leave()
-        seconds, now = time.monotonic() - start, len(store.done) - begun
-        if not interrupted:
-            store.write_results(plan)
-        summary = {
-            "folder": str(folder),
-            "results": None if interrupted else str(folder / RESULTS),
-            "members": of,
-            "finished": len(store.done),
-            "finished_before": begun,
-            "seconds": round(seconds, 3),
-            "members_per_second": round(now / seconds, 3) if now and seconds else None,
-            **_what_came(store.entries(), config),
-        }
+        return progress
+
+    found = run_plan(plan, folder, bags, args.jobs, args.dask, watch)
+    interrupted = ended_by(found.interrupted) if found.interrupted else None  # reason of the end, exit code
+    if interrupted and line:
+        line.leave()
+    seconds, now = time.monotonic() - start, len(found.entries) - found.begun
+    summary = {
+        "folder": str(folder),
+        "results": None if interrupted else str(folder / RESULTS),
+        "members": found.of,
+        "finished": len(found.entries),
+        "finished_before": found.begun,
+        "seconds": round(seconds, 3),
+        "members_per_second": round(now / seconds, 3) if now and seconds else None,
+        **_what_came(found.entries, config),
+    }
     if args.json:
         print(json.dumps(summary, indent=1, ensure_ascii=False))
     else:
@@ -163,7 +161,7 @@ def main(args: argparse.Namespace) -> int:
         print(f"rig: {interrupted[0]}; go on with: ./rig sweep {quoted(folder)}", file=sys.stderr)
         return interrupted[1]
     if not summary["ends"].get("ended"):
-        print(f"rig: none of the {of} members came to its end", file=sys.stderr)
+        print(f"rig: none of the {found.of} members came to its end", file=sys.stderr)
         return 1
     return 0
 
@@ -210,21 +208,6 @@ def _chosen(args: argparse.Namespace) -> tuple[Plan, Path | None, bool]:
         None,
         args.bags,
     )
-
-
-@contextmanager
-def _stream(args: argparse.Namespace) -> Iterator[Callable[..., Iterator[tuple[int, Any, Exception | None]]]]:
-    """Give the function that runs the members, with the allowed number of processes."""
-    if args.dask:
-        from ..studies import dask_stream
-
-        with dask_stream(args.dask) as stream:
-            yield stream
-        return
-    from ..runs import Workers
-
-    with Workers(args.jobs) as workers:
-        yield workers.stream
 
 
 def _what_came(entries: Iterable[dict], config: RigConfig) -> dict:

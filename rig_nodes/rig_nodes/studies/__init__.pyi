@@ -15,7 +15,7 @@ from .faults.score import bench_faults as bench_faults, lines_of_faults as lines
 from .sweep.cluster import dask_stream as dask_stream
 from .sweep.plan import Plan as Plan, Varied as Varied, make_plan as make_plan, plan_of as plan_of, plugged_of as plugged_of, read_plan as read_plan
 from .sweep.run import forget_unfinished as forget_unfinished, manifest_of as manifest_of, run_sweep as run_sweep
-from .sweep.store import RESULTS as RESULTS, SWEEP as SWEEP, SWEEP_JOURNAL as SWEEP_JOURNAL, Store as Store, begun as begun, decode as decode, open_journal as open_journal, parquet as parquet, read_manifest as read_manifest, rows_of as rows_of
+from .sweep.store import RESULTS as RESULTS, SWEEP as SWEEP, SWEEP_JOURNAL as SWEEP_JOURNAL, Store as Store, begun as begun, column_of as column_of, decode as decode, open_journal as open_journal, parquet as parquet, read_manifest as read_manifest, rows_of as rows_of
 from .tune.beginning import read_beginnings as read_beginnings
 from .tune.folder import controller_yaml as controller_yaml, TUNING as TUNING, TUNING_JOURNAL as TUNING_JOURNAL
 from .tune.problem import OBJECTIVES as OBJECTIVES, Range as Range
