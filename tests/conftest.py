@@ -3,7 +3,7 @@
 
 """Time limits of the tests: a test far longer than the slowest fails, and where Python cannot stop it, its process is ended.
 
-No two tests use the fixed ports of the templates at the same time.
+What a failed test or fixture has started is ended. No two tests use the fixed ports of the templates at the same time.
 """
 
 import contextlib
@@ -14,6 +14,7 @@ import socket
 import subprocess
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -117,7 +118,14 @@ def pytest_runtest_setup(item):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item):
-    return (yield from _bounded(item))
+    with _nothing_left():
+        return (yield from _bounded(item))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup():
+    with _nothing_left():
+        return (yield)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -139,3 +147,27 @@ def _bounded(item):
     finally:
         failing.cancel()
         faulthandler.cancel_dump_traceback_later()
+
+
+@contextlib.contextmanager
+def _nothing_left():
+    """Ends the processes that were started in the block when it fails, because what would have ended them may not be reached."""
+    before = set(_children(os.getpid()))
+    try:
+        yield
+    except BaseException:
+        left = [pid for pid in _children(os.getpid()) if pid not in before]
+        for pid in left:
+            left += _children(pid)
+        for pid in left:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        raise
+
+
+def _children(pid: int) -> list[int]:
+    found = []
+    for path in Path(f"/proc/{pid}/task").glob("*/children"):
+        with contextlib.suppress(OSError):  # the thread has ended
+            found += map(int, path.read_text(encoding="ascii").split())
+    return found

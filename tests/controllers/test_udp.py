@@ -222,7 +222,7 @@ def test_a_python_controller_that_refuses_says_why_to_the_rig(plug, thread):
 
     client = Client(Refusing(), "127.0.0.1", plug._port)
     raised = []
-    other = threading.Thread(target=lambda: raised.append(pytest.raises(KeyError, client.serve)))
+    other = threading.Thread(target=lambda: raised.append(pytest.raises(KeyError, client.serve)), daemon=True)
     other.start()
     with pytest.raises(RigError, match="one has come and is not used: it refuses: initialize failed: KeyError: 't13'"):
         plug.wait(20.0)

@@ -46,7 +46,7 @@ class Graph:
         self.domain = allocate()
         self.reports = []
         self.supervisor = Supervisor(Order(None, "hydmag", **order), folder, self.domain, lambda t, text: self.reports.append(text))
-        self._thread = threading.Thread(target=self.supervisor.run)
+        self._thread = threading.Thread(target=self.supervisor.run, daemon=True)  # pytest ends also where a failed test leaves it
         self._thread.start()
         if not self.supervisor.running.wait(PATIENCE) or self.supervisor.ended.is_set():
             self.close()
