@@ -9,6 +9,7 @@ import json
 import math
 import os
 import pickle
+import re
 import stat
 import subprocess
 import sys
@@ -138,6 +139,24 @@ def test_runs_are_compared_by_their_folders_and_by_known_ways_only(run, tmp_path
     assert run.compare(str(other)).metrics[0]["difference"] == 0.0
     with pytest.raises(rig_nodes.RigError, match="alignment by 'order': expected by 'events' or 'correlation'"):
         run.compare(run, by="order")
+
+
+def test_a_run_is_exported_as_the_command_line_does(run, tmp_path):
+    saved = run.save(tmp_path / "run")
+    found = run.export(tmp_path / "one.csv", ["p?", "n_wej"], period="5 ms", units="shown")
+    words = ["--signals", "p?,n_wej", "--clock", "5 ms", "--units", "shown", "-o", str(tmp_path / "other.csv")]
+    assert main(["export", "csv", str(saved), *words]) == 0
+    assert found.file.read_bytes() == (tmp_path / "other.csv").read_bytes() and found.cut_off == ""
+    for name, more, sentence in (
+        ("one.csv", {}, "is there already; choose a new name"),
+        ("one.xls", {}, "its ending says no kind of file; expected .csv, .parquet"),
+        ("one.mf4", {"period": 0.1}, "a period is for csv and parquet"),
+        ("one.parquet", {"period": 0.0}, "period is 0 s, expected at least 1 us"),
+        ("one.blf", {"units": "shown"}, "are for other files; blf holds CAN frames"),
+        ("two.csv", {"signals": ["p9"]}, "there is no signal 'p9'"),
+    ):
+        with pytest.raises(rig_nodes.RigError, match=re.escape(sentence)):
+            run.export(tmp_path / name, **more)
 
 
 def test_steps_are_swept_as_a_file_with_them_is(tmp_path):

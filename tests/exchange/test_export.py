@@ -124,7 +124,7 @@ def test_rows_do_not_depend_on_the_pieces_in_which_a_bag_is_read(monkeypatch, cl
         ("mat {run} --out new.csv", "export mat writes a file that ends in .mat"),
         ("parquet {run} --out none/new.parquet", "there is no folder none"),
         ("csv {run} {run} --out new.csv", "export csv takes one run"),
-        ("mat {run} --clock 5ms --out new.mat", "--clock is for csv and parquet"),
+        ("mat {run} --clock 5ms --out new.mat", "a period is for csv and parquet"),
         ("csv {run} --clock 5Nm --out new.csv", "expected a time"),
         ("csv {run} --rig clutch_bench --out new.csv", "a run has its own rig"),
         ("dbc --signals p1", "are for runs (csv, parquet, mf4, mat), not for dbc"),

@@ -5,6 +5,7 @@
 
 from .checks import assert_events as assert_events, assert_never as assert_never, assert_shift as assert_shift, assert_stays as assert_stays
 from .compared import Compared as Compared
+from .exported import exported as exported
 from .opened import imported as imported, open as open
 from .rig import Rig as Rig, load as load
 from .run import Run as Run

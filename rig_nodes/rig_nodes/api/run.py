@@ -34,6 +34,7 @@ from ..bags import NO_REPORT, Rows, arrow_schema, arrow_table, on_one_clock, on_
 from ..bags import Signals as Groups
 from ..base import RigError, not_written, optional, quantity
 from .compared import Compared
+from .exported import Exported, exported
 from .signals import Signals
 from .table import GEARS, Table, column_unit
 from .temporary import Temporary
@@ -247,13 +248,52 @@ class Run:
         table = optional("pyarrow").concat_tables([schema.empty_table(), *(arrow_table(one, schema) for one in rows)])
         return table.rename_columns(["time", *table.column_names[1:]])
 
-    def _rows(self, names: Sequence[str] | None, period: float | str | None, units: str) -> tuple[Groups, Iterator[Rows]]:
-        """Return the chosen signals and their rows on one clock, or at their own times in a run without a logger."""
+    def export(
+        self, file: str | Path, signals: Sequence[str] | None = None, *, period: float | str | None = None, units: str = "si"
+    ) -> Exported:
+        """Write the run to a file, as `rig export`, of the kind that its ending says.
+
+        Parameters
+        ----------
+        file : str or Path
+            The file, which must not be there yet: .csv, .parquet, .mf4 or .mat; .blf, .asc or .log for its CAN frames.
+        signals : sequence of str, optional
+            As of :meth:`to_pandas`.
+        period : float or str, optional
+            Of .csv and .parquet the time between rows [s], or as text with its unit; by default the rows are those of the signals.
+        units : str
+            As of :meth:`to_pandas`.
+
+        Returns
+        -------
+        Exported
+            The ``file``, the ``count`` of its signals or frames, and what was ``left_out`` or ``cut_off``.
+
+        Raises
+        ------
+        RigError
+            When there is no such kind or signal, a package is missing, or the file is there or cannot be written.
+
+        Examples
+        --------
+        >>> found = rig_nodes.load("hydmag").simulate("demo").export("torque.csv", ["M_wej", "M_wyj"], period="10 ms")
+        >>> found.count, found.file.read_text().splitlines()[0]
+        (2, 't [s],M_wej [Nm],M_wyj [Nm]')
+        """
+        self._check(signals, units)
+        return exported(self.folder, Path(file), list(signals or ()), period, units)
+
+    def _check(self, names: Sequence[str] | None, units: str) -> None:
+        """RigError for names that are no list or no signals, and for other units."""
         if isinstance(names, str) or units not in ("si", "shown"):
             raise RigError(f"signals is {names!r} and units {units!r}; expected a list of names, and 'si' or 'shown'")
         for name in names or ():
             if not any(sign in name for sign in "*?["):
                 self.signals.check(name)
+
+    def _rows(self, names: Sequence[str] | None, period: float | str | None, units: str) -> tuple[Groups, Iterator[Rows]]:
+        """Return the chosen signals and their rows on one clock, or at their own times in a run without a logger."""
+        self._check(names, units)
         chosen = Groups(self.folder, list(names or ()), units)
         seconds = quantity(period, "time", "period") if isinstance(period, str) else period or self.signals.period
         if seconds is None:

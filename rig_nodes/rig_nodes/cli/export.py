@@ -19,6 +19,7 @@ from .shared_arguments import add_rig, add_set
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Callable
 
     from ..controllers import ControllerRecord
 
@@ -111,57 +112,46 @@ def main(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     """Write the signals of a run."""
+    from ..api import exported
     from ..bags import FILE_KINDS as ENDINGS
-    from ..bags import Order, Signals, csvw_path, export
-    from ..base import ProgressLine, RigError, printable, quantity
+    from ..bags import csvw_path
+    from ..base import ProgressLine, RigError, printable
 
     what, given = args.what, [f"-{'-' * (len(name) > 1)}{name}" for name in _OF_RIGS if getattr(args, _OF_RIGS[name])]
     if given or args.rig != DEFAULT_RIG:
         raise RigError(f"{(given or ['--rig'])[0]} is for FMUs and tables of a rig; a run has its own rig")
     if len(args.sources) != 1:
         raise RigError(f"export {what} takes one run, its folder or .mcap file; found {' '.join(args.sources) or 'none'}")
-    if what in ("mf4", "mat") and args.clock:
-        raise RigError(f"--clock is for csv and parquet, which hold one table; {what} holds each signal with its own times")
     run = Path(args.sources[0])
     target = args.out or Path(f"{(run if run.is_dir() else run.with_suffix('')).resolve().name}{ENDINGS[what][0]}")
     _check_place(what, target, ENDINGS[what])
     for path in (target, *([csvw_path(target)] if what == "csv" else [])):
         may_write("-o", path, NEVER, args)
-    if what in CAN_LOGS:
-        return _can_log(args, run, target)
-    clock = None if args.clock is None else quantity(args.clock, "time", "--clock")
-    if clock is not None and not clock >= 1e-6:
-        raise RigError(f"--clock {args.clock}: expected at least 1 us")
     chosen = [name.strip() for text in args.signals for name in text.split(",") if name.strip()]
-    signals = Signals(run, chosen, args.units)
-    line = ProgressLine(signals.last / 1e9)
+    if what in CAN_LOGS and (chosen or args.clock or args.units != "si"):
+        raise RigError(f"--signals, --units and --clock are for {', '.join(RUNS)}; {what} holds the frames of rig.dbc")
+    line: ProgressLine | None = None
+
+    def watch(length: float | None) -> Callable[[float, str], None]:
+        nonlocal line
+        line = ProgressLine(length)
+        return line.show
+
     try:
-        export(what, Order(signals, target, None if clock is None else round(clock * 1e9), line.show))
+        found = exported(run, target, chosen, args.clock, args.units, watch)
     finally:
-        line.leave()
-    count = sum(len(group.columns) for group in signals.groups)
-    print(f"written to {target}: {count} signals{f', described in {csvw_path(target).name}' if what == 'csv' else ''}")
-    if signals.left_out:
-        others = printable(", ".join(signals.left_out))
+        if line is not None:
+            line.leave()
+    if what in CAN_LOGS:
+        print(f"written to {target}: {found.count} frames, which './rig export dbc' describes")
+        return 0
+    print(f"written to {target}: {found.count} signals{f', described in {csvw_path(target).name}' if what == 'csv' else ''}")
+    if found.left_out:
+        others = printable(", ".join(found.left_out))
         print(f"rig: not exported, as no signals of the rig come from them: {others}", file=sys.stderr)
-    if signals.cut_off:
-        print(f"rig: {run}: {signals.cut_off}", file=sys.stderr)
-    return LOST if signals.cut_off else 0
-
-
-def _can_log(args: argparse.Namespace, run: Path, target: Path) -> int:
-    from ..base import ProgressLine, RigError
-    from ..runs import export_can_log
-
-    if args.signals or args.clock or args.units != "si":
-        raise RigError(f"--signals, --units and --clock are for {', '.join(RUNS)}; {args.what} holds the frames of rig.dbc")
-    line = ProgressLine(None)
-    try:
-        count = export_can_log(args.what, run, target, line.show)
-    finally:
-        line.leave()
-    print(f"written to {target}: {count} frames, which './rig export dbc' describes")
-    return 0
+    if found.cut_off:
+        print(f"rig: {run}: {found.cut_off}", file=sys.stderr)
+    return LOST if found.cut_off else 0
 
 
 _OF_RIGS = {"I": "include", "set": "settings"}
