@@ -35,7 +35,7 @@ def test_a_users_controller_is_named_with_its_state_and_its_own_signals(tmp_path
     file = tmp_path / "box.py"
     file.write_text(BOX, encoding="utf-8")
     own = "document.querySelector('[data-own=\"controller.since_order\"] td')"
-    panel = Panel(tmp_path, "hydmag", "--controller", f"python:{file}:Box")
+    panel = Panel(tmp_path, "hydmag", "--faults", "--controller", f"python:{file}:Box")
     browser = Browser(panel.url)
     try:
         browser.until("document.getElementById('state').textContent === 'ready'", 200)
@@ -47,10 +47,11 @@ def test_a_users_controller_is_named_with_its_state_and_its_own_signals(tmp_path
         browser.click("[aria-label='chart of controller.since_order']")
         chip = "[...document.querySelectorAll('.chip')].find((one) => one.innerText.startsWith('controller.since_order'))"
         browser.until(f"Number({chip}.querySelector('.value').textContent) > 1")
-        second = Browser(panel.url)
+        second = Browser(panel.url, 400, 800)
         try:
             second.until(f"Number({own}.textContent) > 1")
             second.until("Number(document.querySelector('[id=\"set alfa46.controller.held\"]').value) === 0.74")
+            assert second.js("document.documentElement.scrollWidth") <= 400, "nothing goes beyond the edge of a phone"
         finally:
             second.close()
         assert browser.troubles == []
