@@ -71,6 +71,13 @@ def test_torques_are_those_of_python_alone(moved):
     assert rig.measurement("M_soft") == rig.true("soft.torque")
 
 
+def test_a_temperature_is_that_of_python_alone_and_is_measured(moved):
+    rig, run, _ = moved
+    warm = run.result().state("lining")
+    assert rig.true("lining.temperature") == pytest.approx(warm[-1], rel=1e-9) and np.ptp(warm) > 5.0
+    assert rig.measurement("T_lining") == rig.true("lining.temperature")
+
+
 def test_energy_closes_and_each_kind_of_loss_has_its_part(moved):
     rig, run, _ = moved
     energy, result = rig.energy(), run.result()
@@ -195,7 +202,7 @@ def test_a_run_records_the_torques_in_all_that_joins_bodies(tmp_path):
     run.to(0.32)
     result, signals = run.result(), torque_signals(bag.structure)
     assert [one.name for one in signals if one.of == "set"] == ["set_sun_torque", "set_ring_torque", "set_carrier_torque"]
-    assert len(signals) == 33 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
+    assert len(signals) == 34 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
     for one in signals:
         times, torque = bag.series(one.name)
         rows = np.searchsorted(result.t, times - 1e-9)
@@ -338,6 +345,8 @@ WRONG = {
         "signals: [torque]",
         r"signals is .'torque'., expected .torques., which records",
     ),
+    "a heat of nothing": ("{grip: [90 %", "{grib: [90 %", "heat of 'grib': there is no 'grib' that can lose; there are: .* grip"),
+    "a state that is not there": ("of: [left, lining]", "of: [left, linin]", "expected a state; did you mean 'lining'"),
     "an unknown key": ("    body: ring", "    body: ring\n    stik: [2 -, x]", "unknown key 'stik' in low; did you mean 'stick'"),
 }
 

@@ -154,8 +154,8 @@ def test_modes_take_both_slopes_of_a_torque_over_two_quantities():
     [
         ({"table": ([0, 1], [0, 1], [[1, 2]])}, "in as many rows as the first has points"),
         ({"table": ([0, 0], [0, 1], [[1, 2], [3, 4]])}, "two points or more of each quantity, all rising; it cannot jump"),
-        ({"by": ("speed", "sped")}, "is by 'sped'; speed, angle, ratio, input, time are possible"),
-        ({"by": ("time", "input"), "of": (None, "x")}, "one of the two must be a speed or an angle"),
+        ({"by": ("speed", "sped")}, "is by 'sped'; speed, angle, ratio, input, time, state are possible"),
+        ({"by": ("time", "input"), "of": (None, "x")}, "one of the two must be a speed, an angle or a state"),
         ({"by": ("speed", "input"), "of": (None, "b")}, "the name 'b' is already taken"),
         ({"by": ("speed", "input"), "of": (None, "t")}, "the name 't' is already taken"),
         ({"by": ("speed", "ratio"), "of": (None, "a")}, "by ratio is of 'a'; two names are needed"),

@@ -8,14 +8,14 @@ Used by driveline/builder.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rig_nodes.base import RigError
 from rig_nodes.driveline.description import Description, Reading, losses_of
-from rig_nodes.driveline.laws import ANGLE, ARGUMENT, CAPACITY, FRICTION, GEARING, INPUT, MOTION, SHAFT, SPEED, TORQUE, Law
+from rig_nodes.driveline.laws import ANGLE, ARGUMENT, CAPACITY, FRICTION, GEARING, HEAT, INPUT, MOTION, SHAFT, SPEED, TORQUE, Law
 from rig_nodes.driveline.motions import locks_itself, rank
 from rig_nodes.driveline.system import Mesh, System
 from rig_nodes.driveline.tables import Grid, Table
@@ -111,6 +111,7 @@ class Assembly(Description):
             tuple(self._mesh_of(name, tuple(elements)) for name in (*self._meshes, *self._lossy_sets)),
             *self._laws_of(bodies, speeds, t, w, sh, v_start),
             balanced,
+            tuple(name for name in bodies if name in self._states),
         )
 
     def _slips(
@@ -265,7 +266,24 @@ class Assembly(Description):
             raise RigError("driveline: motions prescribe the speeds of bodies that gears or relations tie together; one is enough")
         if len(held) or self._variators:
             self._left_free(held.any(axis=0) | (np.arange(len(speeds)) >= len(speeds) - len(self._variators)), w)
+        laws.sort(key=lambda law: law.kind)
+        laws += self._heat_laws(bodies, t, laws, len(slots))
         return tuple(sorted(laws, key=lambda law: law.kind)), np.array(slots).reshape(-1, len(speeds)), factors
+
+    def _heat_laws(self, bodies: tuple[str, ...], t: Floats, laws: Sequence[Law], slots: int) -> list[Law]:
+        """Return the flows of what elements lose into states; `laws` are all others, sorted, and `slots` counts their rows."""
+        elements, out = [*self._elements, *self._mesh_elements()], []
+        follow = {law.name: k for k, law in enumerate(laws) if law.kind in (SHAFT, TORQUE)}
+        for state, of, share in self._heats:
+            acts = _rows(bodies, [{state: share}])[0]
+            if of in follow:
+                source = len(elements) + slots + follow[of]
+            elif of in self._shafts:
+                source = len(elements) + list(self._shafts).index(of)
+            else:
+                source = elements.index(f"{of} loss" if of in (*self._meshes, *self._lossy_sets) else of)
+            out.append(Law(f"{of} in {state}", HEAT, SPEED, 0.0 * (acts @ t), acts @ t, acts, element=source))
+        return out
 
     @staticmethod
     def _reading_laws(

@@ -26,6 +26,14 @@ def spring_with_friction(stiffness: float, limit: float, torque: float, dx: floa
 
 
 @njit(**INNER)
+def sliding_heat(stiffness: float, limit: float, torque: float, dx: float) -> float:
+    """Return the energy that such a spring loses over a twist dx [J]."""
+    noinline()
+    slope, after = spring_with_friction(stiffness, limit, torque, dx)
+    return (torque + 0.5 * slope * dx) * dx - 0.5 * (after**2 - torque**2) / stiffness
+
+
+@njit(**INNER)
 def in_contact(gap: float, x: float, dx: float) -> float:
     """Return the share of the twist from x to x + dx that lies outside the backlash, which reaches from -gap to gap."""
     noinline()

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from rig_nodes.base import RigError, brief
-from rig_nodes.driveline.laws import ANGLE, INPUT, RATIO, SPEED, TIME
+from rig_nodes.driveline.laws import ANGLE, GEARING, INERTIA, INPUT, MOTION, RATIO, SPEED, TIME, TORQUE
+from rig_nodes.driveline.picture import Body, Link
 from rig_nodes.driveline.system import LEAST_LOSS
 from rig_nodes.driveline.tables import Grid, Table, grid_of, table_of, value_at
 from rig_nodes.driveline.ties import GROUND
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
 Points = tuple[Sequence[float], Sequence[float]]
 Surface = tuple[Sequence[float], Sequence[float], Sequence[Sequence[float]] | np.ndarray]
 Of = str | tuple[str, str]  # a body, an element or an input, or two of these for the ratio of their speeds
-READS = {"speed": SPEED, "angle": ANGLE, "ratio": RATIO, "input": INPUT, "time": TIME}
+READS = {"speed": SPEED, "angle": ANGLE, "ratio": RATIO, "input": INPUT, "time": TIME, "state": SPEED}
+_ACTS = {TORQUE: "torque", MOTION: "motion", INERTIA: "varying inertia"}  # words in pictures
 
 
 class Reading(NamedTuple):
@@ -58,6 +60,8 @@ class Description:
         self._capacities: dict[str, tuple] = {}
         self._acts: dict[str, tuple] = {}  # torques, motions and inertias that follow the motion itself
         self._variators: dict[str, tuple[str, str, float]] = {}  # gears whose ratio varies: bodies, and ratio at the start
+        self._states: set[str] = set()  # bodies that are states
+        self._heats: list[tuple[str, str, float]] = []  # states, what loses power, share that the state gets
         self._arguments: dict[str, str] = {}  # inputs that laws read, with the first law of each
 
     def _new_name(self, name: str) -> None:
@@ -70,18 +74,24 @@ class Description:
         ):
             raise RigError(f"driveline: the name '{name}' is already taken; every part needs its own")
 
-    def _exist(self, where: str, *names: str) -> None:
+    def _exist(self, where: str, *names: str, read: bool = False) -> None:
         for name in names:
             if (name != GROUND and name not in self._inertia) or (name == GROUND and where.startswith("gear")):
                 known = ", ".join(self._inertia) or "none"
                 raise RigError(f"driveline: {where} names the body '{name}', which does not exist; bodies are: {known}")
+        flows = read or (where.startswith(("shaft", "torque")) and self._states.issuperset({*names} - {GROUND}))
+        if not flows and not self._states.isdisjoint(names):
+            name = next(name for name in names if name in self._states)
+            raise RigError(
+                f"driveline: {where} names the state '{name}', which is no body; it takes torques and shafts that join no bodies"
+            )
 
     def _read_by(self, what: str, of: str) -> dict[str, float]:
-        """Return the bodies whose speeds a law reads, with coefficients: one body, or the two bodies of an element's slip."""
+        """Return the bodies whose speeds a law reads, with coefficients: one body or state, or both bodies of an element's slip."""
         if of in self._elements:
             a, b, ca, cb, *_ = self._elements[of]
             return {a: ca, b: -cb}
-        self._exist(what, of)
+        self._exist(what, of, read=True)
         return {of: 1.0}
 
     def _known(self, where: str, *names: str) -> None:
@@ -185,10 +195,14 @@ class Description:
 
     def _reading(self, what: str, by: str, of: Of | None, own: dict[str, float], angle: float) -> Reading:
         """Return one argument of a law; `own` are the bodies that it reads without `of`."""
-        if by in ("speed", "angle"):
+        if by in ("speed", "angle", "state"):
             if of is not None and not isinstance(of, str):
                 raise RigError(f"driveline: {what} by {by} is of {brief(of)}; the name of a body, clutch or brake is needed")
-            return Reading(READS[by], own if of is None else self._read_by(what, of), start=angle * (by == "angle"))
+            found = own if of is None else self._read_by(what, of)
+            if self._states.issuperset({*found} - {GROUND}) != (by == "state"):
+                joined = " and ".join(f"'{name}'" for name in found)
+                raise RigError(f"driveline: {what} is by {by} and of {joined}; a state is read by state, a body by speed or angle")
+            return Reading(READS[by], found, start=angle * (by == "angle"))
         if by == "ratio":
             if isinstance(of, str) or not isinstance(of, Sequence) or len(of) != 2 or not all(isinstance(one, str) for one in of):
                 raise RigError(f"driveline: {what} by ratio is of {brief(of)}; two names are needed, whose speeds are divided")
@@ -232,23 +246,23 @@ class Description:
         if readings[0].by in (SPEED, ANGLE):
             return readings, grid
         if readings[1].by not in (SPEED, ANGLE):
-            raise RigError(f"driveline: {what} is by {by[0]} and {by[1]}; one of the two must be a speed or an angle")
+            raise RigError(f"driveline: {what} is by {by[0]} and {by[1]}; one of the two must be a speed, an angle or a state")
         # a ratio, an input or the time is the second one of a law
         second, first, values = cast("Surface", table)
         return readings[::-1], grid_of(what, (first, second, np.asarray(values).T), (period if by[1] == "angle" else None, None))
 
     @staticmethod
     def _law_table(what: str, table: Points, by: str, period: float | None) -> Table:
-        if by not in ("speed", "angle"):
-            raise RigError(f"driveline: {what} is by '{by}'; by speed and by angle are possible")
-        if period is not None and by == "speed":
-            raise RigError(f"driveline: {what} has a period and is by speed; only a table over an angle repeats")
+        if by not in ("speed", "angle", "state"):
+            raise RigError(f"driveline: {what} is by '{by}'; by speed, by angle and by state are possible")
+        if period is not None and by != "angle":
+            raise RigError(f"driveline: {what} has a period and is by {by}; only a table over an angle repeats")
         found = table_of(what, table, "flat", period)
-        if by == "speed" and np.any(np.diff(found.x) == 0.0):
-            at = found.x[1:][np.diff(found.x) == 0.0][0]
+        if by != "angle" and np.any(np.diff(found.x) == 0.0):
+            at = f"{found.x[1:][np.diff(found.x) == 0.0][0]:g}{' rad/s' if by == 'speed' else ''}"
             raise RigError(
-                f"driveline: the table of {what} jumps at {at:g} rad/s; over a speed it cannot: give two speeds "
-                "between which it changes, or use a clutch where it is friction"
+                f"driveline: the table of {what} jumps at {at}; over a {by} it cannot: give two points between which it changes, "
+                "or use a clutch where it is friction"
             )
         return found
 
@@ -269,6 +283,45 @@ class Description:
     def _mesh_elements(self) -> dict[str, tuple[str, str, float, float, tuple[float, float], float, bool]]:
         """Return the friction elements of meshes and sets with losses and of variators, with the coefficients of `_mesh_rows`."""
         return {name: (next(iter(row)), GROUND, 1.0, 1.0, (1.0, 1.0), 0.0, False) for name, row in self._mesh_rows().items()}
+
+    def _drawn(self) -> tuple[list[Body], list[Link]]:
+        """Return the bodies and what joins them as a picture shows them; states are not in it."""
+        bodies = {name: Body(name, j) for name, j in self._inertia.items() if name not in self._states}
+        links = [Link(a, b, "mesh", f"{ratio:.4g}") for a, b, ratio in self._gears]
+        links += [
+            Link(a, b, "mesh", f"{name}: {ratio:.4g}, efficiency {there:.3g}" + (f" and {back:.3g}" if back != there else ""))
+            for name, (a, b, ratio, there, back) in self._meshes.items()
+        ]
+        for name, (sun, ring, carrier, ratio, there, back) in self._lossy_sets.items():
+            losing = f"efficiency {there:.3g}" + (f" and {back:.3g}" if back != there else "")
+            links += [Link(sun, ring, "set", f"{name} ({ratio:.3g})"), Link(sun, carrier, "set", f"{name}: {losing}")]
+        links += [Link(a, b, "shaft", name) for name, (a, b, *_) in self._shafts.items()]
+        links += [
+            Link(a, b, "freewheel" if one_way else "clutch", name)
+            for name, (a, b, _ca, _cb, _stick, _drag, one_way, *_) in self._elements.items()
+        ]
+        links += [Link(a, b, "mesh", f"{name}: from {ratio:.4g}") for name, (a, b, ratio) in self._variators.items()]
+        related = [name for name, ties in self._ties.items() if any(ties is one for one in self._relations.values())]
+        for name in related:
+            first, *others = self._ties[name].items()
+            links += [Link(first[0], other, "set", f"{name} ({c / first[1]:.3g})") for other, c in others]
+        for name, (kind, pushes, *_) in self._acts.items():
+            on = [body for body in pushes if body in bodies and kind != GEARING]
+            if len(on) == 2:
+                links.append(Link(on[0], on[1], "torque", name))
+            for body in on if len(on) == 1 else ():
+                bodies[body].notes.append(f"{name}: {_ACTS[kind]}")
+        links = [one for one in links if self._states.isdisjoint((one.a, one.b))]
+        for link in links:
+            if GROUND in (link.a, link.b):
+                body = bodies[link.b if link.a == GROUND else link.a]
+                if link.kind == "clutch":
+                    body.brake = ", ".join(filter(None, (body.brake, link.text)))
+                elif link.kind == "freewheel":
+                    body.one_way.append((link.text, "not backwards" if link.a == GROUND else "not forwards"))
+                else:
+                    body.notes.append(f"{link.text}, to the ground")
+        return list(bodies.values()), [one for one in links if one.a in bodies and one.b in bodies]
 
 
 def losses_of(there: float, back: float) -> tuple[float, float]:

@@ -19,7 +19,20 @@ from rig_nodes.base import STAGE, njit
 from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, places
 from rig_nodes.driveline.inputs import SAME
 from rig_nodes.driveline.law_steps import jumped, settled_step_at
-from rig_nodes.driveline.laws import CAPACITY, GEARING, INERTIA, MOTION, TORQUE, Given, LawState, Model, Moving, law_state, laws_of
+from rig_nodes.driveline.laws import (
+    CAPACITY,
+    GEARING,
+    HEAT,
+    INERTIA,
+    MOTION,
+    TORQUE,
+    Given,
+    LawState,
+    Model,
+    Moving,
+    law_state,
+    laws_of,
+)
 from rig_nodes.driveline.lines import share_of
 from rig_nodes.driveline.losses import LAST, OWN, put_losses
 from rig_nodes.driveline.motion import invert, product, work_over
@@ -214,7 +227,7 @@ def accelerate(model: Model, own: LawState, cap: Floats, q: Floats, state: State
         if laws.kind[k] == TORQUE:
             push = own.torque[k]
             straight -= laws.slot[k] >= 0
-        elif laws.kind[k] == MOTION:
+        elif laws.kind[k] == MOTION or laws.kind[k] == HEAT:
             push = own.torque[k]
         elif laws.kind[k] == GEARING:
             push = (own.torque[k] - laws.gap[k]) * state.el[LAM, laws.element[k]]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rig_nodes.driveline.system import System
 
 # kinds, in the order in which they act on a step; an ARGUMENT does not act, but is the second one of the law with its name
-CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING, ARGUMENT = range(8)
+CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING, HEAT, ARGUMENT = range(9)
 # what a law reads; the last three are possible for an ARGUMENT only: the ratio of two speeds, an input over time, the time
 SPEED, ANGLE, RATIO, INPUT, TIME = range(5)
 
@@ -36,7 +36,7 @@ class Law(NamedTuple):
     name : str
         Name of the law.
     kind : int
-        CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING (driveline/variators.py) or ARGUMENT.
+        CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING (driveline/variators.py), HEAT (driveline/heat.py) or ARGUMENT.
     by : int
         What it reads: SPEED, ANGLE, RATIO, INPUT or TIME.
     of, on : (n,) array of float
@@ -49,7 +49,7 @@ class Law(NamedTuple):
     slot : int
         Its row among the shafts, where its slope is implicit; -1 without one.
     element : int
-        Number of its friction element, -1 without one.
+        Number of its friction element, -1 without one; of a HEAT that of what loses power (driveline/heat.py).
     factor : int
         Number of the input over time that multiplies it, or of the INPUT that it reads; -1 without one.
     start : float
@@ -125,7 +125,7 @@ class LawState(NamedTuple):
     at : (laws,) array of float
         Position that each law reads.
     torque : (laws,) array of float
-        Its torque (for a MOTION the mean of the last step), factor, inertia or ratio.
+        Its torque (for a MOTION the mean of the last step), factor, inertia or ratio, or the mean power of a HEAT.
     spring : (springs,) array of float
         Torque of each spring with friction [Nm].
     way : (laws,) array of float
@@ -259,7 +259,8 @@ def stored_energy(system: System, v: Floats, twist: Floats, torque: Floats, spri
         Energy [J].
     """
     straight, springs = system.kc[0].copy(), laws_of(system.laws, len(system.speeds)).springs
-    out = 0.5 * np.einsum("ri,ij,rj->r", v, system.mass, v)
+    moving = np.where(system.state_speeds, 0.0, v)
+    out = 0.5 * np.einsum("ri,ij,rj->r", moving, system.mass, moving)
     for k, law in enumerate(system.laws):
         if law.kind == SHAFT:
             straight[law.slot] = 0.0

@@ -15,13 +15,15 @@ import numpy as np
 
 from rig_nodes.base import ALLOCATES, INLINED, INNER, STAGE, njit
 from rig_nodes.driveline.algebra import E_FRIC, E_SHAFT, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, TAU, VISC, lin, noinline
-from rig_nodes.driveline.contacts import contact_damping, spring_with_friction
+from rig_nodes.driveline.contacts import contact_damping, sliding_heat, spring_with_friction
+from rig_nodes.driveline.heat import heat_error, heat_line
 from rig_nodes.driveline.laws import (
     ANGLE,
     ARGUMENT,
     CAPACITY,
     FRICTION,
     GEARING,
+    HEAT,
     INERTIA,
     INPUT,
     MOTION,
@@ -72,8 +74,10 @@ class Lines(NamedTuple):
     slope, torque, other : (laws,) arrays
         Of a CAPACITY `other` is the factor at the end; of FRICTION `slope` is that over slip and `other` the mean capacity; of a
         SHAFT, a TORQUE and an INERTIA `torque` is that at the start; `slope` is that over the argument, of an INERTIA the expected
-        speed at the end; `other` is the damping of a SHAFT and the mean of an INERTIA. Those of a torque over two arguments are
-        described in driveline.maps.
+        speed at the end; `other` is the damping of a SHAFT and the mean of an INERTIA; `torque` of a HEAT is its mean power. Those
+        of a torque over two arguments are described in driveline.maps.
+    push : (2, laws) array
+        Of a TORQUE what is on the speeds at both ends.
     loads : Loads
         Forces and capacities over the part, with the laws.
     kc : (2, s) array
@@ -89,6 +93,7 @@ class Lines(NamedTuple):
     slope: Floats
     torque: Floats
     other: Floats
+    push: Floats
     loads: Loads
     kc: Floats
     held: Floats
@@ -105,7 +110,8 @@ def new_lines(laws: Laws, structure: Structure) -> Lines:
             break
     loads = Loads(np.empty((2, n)), np.empty((7, m)))
     zeros = np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows)
-    return Lines(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4], loads, np.empty((2, s)), np.empty((n, n)), w)
+    push = np.empty((2, rows))
+    return Lines(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4], push, loads, np.empty((2, s)), np.empty((n, n)), w)
 
 
 @njit(**INNER)
@@ -223,6 +229,7 @@ def torque_line(k: int, g0: float, g1: float, laws: Laws, lines: Lines) -> None:
             lines.kc[1, slot] = -implicit_slope
             push0 -= implicit_slope * x
             push1 -= implicit_slope * x
+    lines.push[0, k], lines.push[1, k] = push0, push1
     for j in range(q.shape[1]):
         q[0, j] += push0 * laws.on[k, j]
         q[1, j] += push1 * laws.on[k, j]
@@ -295,6 +302,8 @@ def make_lines(part: Part, attempt: int, heavy: bool, model: Model, given: Given
             inertia_line(k, attempt == 0, laws, state.v, lines)
         elif kind == GEARING:
             ratio_line(k, part, attempt == 0, given.factors, model, moving, lines)
+        elif kind == HEAT:
+            heat_line(k, attempt == 0, laws, moving.own, lines)
         if laws.slot[k] >= 0:
             state.twist[laws.slot[k]] = 0.0
 
@@ -398,6 +407,8 @@ def worst_law(part: Part, model: Model, given: Given, moving: Moving, before: St
             lines.slope[k] = w1
         elif kind == GEARING:
             error, scale = ratio_error(k, part, dx, given.factors, model, state, lines)
+        elif kind == HEAT:
+            error, scale = heat_error(k, d, laws, moving, before, lines)
         if not error <= most * scale:
             worst, most = k, error / scale
         lines.way[k] = dx
@@ -427,8 +438,8 @@ def leave_shaft(k: int, laws: Laws, moving: Moving, lines: Lines) -> None:
     for i in range(laws.first_spring[k], laws.first_spring[k + 1]):
         stiffness = laws.springs[i, 0]
         was = own.spring[i]
-        by, own.spring[i] = spring_with_friction(stiffness, laws.springs[i, 1], was, dx)
-        state.shaft[E_SHAFT, slot] += (was + 0.5 * by * dx) * dx - 0.5 * (own.spring[i] ** 2 - was**2) / stiffness
+        _, own.spring[i] = spring_with_friction(stiffness, laws.springs[i, 1], was, dx)
+        state.shaft[E_SHAFT, slot] += sliding_heat(stiffness, laws.springs[i, 1], was, dx)
         own.torque[k] += own.spring[i]
     state.shaft[TAU, slot] = own.torque[k] + damped * rate
     state.twist[slot] = x + dx
@@ -474,3 +485,5 @@ def leave_lines(part: Part, laws: Laws, given: Given, moving: Moving, before: St
             end = lin(factors[0, laws.factor[k]], factors[1, laws.factor[k]], part.end)
             own.torque[k] = end * value(laws.tables, k, x + dx)
             state.v[own_speed(lines.w[laws.element[k]])] = 0.0
+        elif kind == HEAT:
+            own.torque[k] = lines.torque[k]

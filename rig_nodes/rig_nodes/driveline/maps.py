@@ -99,6 +99,7 @@ def map_line(k: int, part: Part, first: bool, factors: Floats, laws: Laws, movin
         push0 += damp * rate
         push1 += damp * (rate + lines.other[k]) + stiff * lines.other[s]
     lines.slope[k] = push1
+    lines.push[0, k], lines.push[1, k] = push0, push1
     for j in range(q.shape[1]):
         q[0, j] += push0 * on[j]
         q[1, j] += push1 * on[j]

@@ -73,6 +73,10 @@ class Moment:
         """Return the speed of a body [rad/s]; raise RigError when there is no such body."""
         return float(self.speeds[_place(self.system.bodies, "body", body)])
 
+    def state(self, name: str) -> float:
+        """Return the value of a state; raise RigError when there is no such state."""
+        return self.speed(self.system.states[_place(self.system.states, "state", name)])
+
     def angle(self, body: str) -> float:
         """Return the angle of a body [rad]; raise RigError when there is no such body."""
         return float(self.angles[_place(self.system.bodies, "body", body)])
@@ -157,6 +161,10 @@ class Result:
     def speed(self, body: str) -> np.ndarray:
         """Return the speed (r,) of a body [rad/s]."""
         return self.speeds[:, _place(self.system.bodies, "body", body)]
+
+    def state(self, name: str) -> np.ndarray:
+        """Return the value (r,) of a state."""
+        return self.speed(self.system.states[_place(self.system.states, "state", name)])
 
     def angle(self, body: str) -> np.ndarray:
         """Return the angle (r,) of a body [rad]."""

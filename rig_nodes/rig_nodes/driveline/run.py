@@ -24,6 +24,7 @@ from rig_nodes.driveline.law_steps import LawRows, run_laws, settled_address
 from rig_nodes.driveline.laws import (
     CAPACITY,
     GEARING,
+    HEAT,
     MOTION,
     TORQUE,
     Given,
@@ -220,7 +221,11 @@ class Run:
         t, pushes, v, twist, mode, el, shaft, e_in, laws, law_angles, springs, work = map(np.concatenate, zip(*self._rows))
         events = np.concatenate([*self._events, np.zeros((0, 3 + 2 * len(s.speeds)))])
         angles, twist = twist[:, len(s.slots) :], twist[:, : len(s.shafts)]
-        pushes = pushes + sum(laws[:, k, None] * law.bodies for k, law in enumerate(s.laws) if law.kind in (TORQUE, MOTION))
+        pushes = pushes + sum(laws[:, k, None] * law.bodies for k, law in enumerate(s.laws) if law.kind in (TORQUE, MOTION, HEAT))
+        lost = shaft[:, algebra.E_SHAFT, : len(s.shafts)]
+        # what states hold and conductors between them lose, and the work for that, belong to no balance of energy
+        held = np.where(s.state_speeds, v, 0.0)
+        apart = 0.5 * np.einsum("ri,ij,rj->r", held, s.mass, held) + lost[:, s.conductors].sum(axis=1)
         return Result(
             s,
             t,
@@ -235,10 +240,10 @@ class Run:
             laws,
             law_angles,
             stored_energy(s, v, twist, laws, springs),
-            e_in.sum(axis=1) + work[:, 0],
+            e_in.sum(axis=1) + work[:, 0] - (apart - apart[0]),
             el[:, algebra.E_FRIC],
             el[:, algebra.E_VISC],
-            shaft[:, algebra.E_SHAFT, : len(s.shafts)],
+            lost * ~s.conductors,
             el[:, algebra.IMPULSE],
             [Event(float(a[0]), s.elements[int(a[1])], EVENT_NAMES[int(a[2])]) for a in events],
             events[:, 3 : 3 + len(s.speeds)] @ s.bodies_from_speeds.T,

@@ -97,6 +97,8 @@ class System:
         Inputs that the laws read, by name, with their defaults.
     balanced : tuple of str
         Bodies without inertia whose speeds follow from the balance of torques of their shafts; no torque may act on them.
+    states : tuple of str
+        Bodies that are no bodies but states, as temperatures; their "speeds" are the values, their "inertias" the capacities.
     """
 
     bodies: tuple[str, ...]
@@ -124,6 +126,7 @@ class System:
     slots: np.ndarray
     factors: dict[str, float]
     balanced: tuple[str, ...]
+    states: tuple[str, ...]
 
     @cached_property
     def structure(self) -> Structure:
@@ -131,6 +134,16 @@ class System:
         kc = np.zeros((2, len(self.slots)))
         kc[:, : len(self.shafts)] = self.kc
         return Structure(self.minv, self.w, self.slots, kc)
+
+    @cached_property
+    def state_speeds(self) -> np.ndarray:
+        """Which of the generalised speeds (n,) are states."""
+        return np.isin(self.speeds, self.states)
+
+    @cached_property
+    def conductors(self) -> np.ndarray:
+        """Which of the shafts (s,) conduct between states."""
+        return (self.sh[:, self.state_speeds] != 0.0).any(axis=1)
 
     @property
     def variators(self) -> list[int]:

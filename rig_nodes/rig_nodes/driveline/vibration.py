@@ -55,7 +55,8 @@ def modes(system: System, locked: Sequence[str] = ()) -> Modes:
     """Return the modes of a driveline with some friction elements locked and all others open.
 
     Open elements keep their drag. Elements that depend on the motion are linearised at the start: a torque has the slope of its
-    table (a damping over a speed, a stiffness over an angle), an inertia its value. Bodies with a prescribed motion are held.
+    table (a damping over a speed, a stiffness over an angle), an inertia its value. Bodies with a prescribed motion, and states,
+    are held.
 
     Parameters
     ----------
@@ -247,7 +248,8 @@ def _found(system: System, locked: Sequence[str]) -> _Found | None:
     held[system.variators] = True
     still = [system.w[held], *(law.on[None] for law in system.laws if law.kind == MOTION)]
     still += [np.eye(len(system.speeds))[np.flatnonzero(system.w[f])[-1:]] for f in system.variators]
-    free = linalg.null_space(np.concatenate(still)) if held.any() or len(still) > 1 else np.eye(len(system.speeds))
+    still.append(np.eye(len(system.speeds))[system.state_speeds])
+    free = linalg.null_space(np.concatenate(still)) if any(map(len, still)) else np.eye(len(system.speeds))
     if free.shape[1] == 0:
         return None
     w, sh = system.w[~held], system.sh

@@ -62,6 +62,8 @@ def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping,
     out = Driveline()
     for body in structure.bodies:
         out.inertia(body, inertias[body], None if body in structure.massless else _given(values[body]).get("speed"))
+    for one in structure.of_kind("state"):
+        _state(out, one.name, **_given(values[one.name]))
     for name, mesh in zip(structure.mesh_names, structure.meshes):
         if mesh.lossy and not lossless:
             out.mesh(name, *mesh.bodies, 1.0 / mesh.ratio, **_given(values[name]))
@@ -156,6 +158,9 @@ def build_driveline(structure: Structure, inertias: Mapping[str, float], values:
             out.varying_inertia(one.name, *one.bodies, **_law(one.follows))
         elif one.kind in ("clutch", "brake") and one.follows:
             out.capacity(one.name, one.follows.of, by=one.follows.by, **_law(one.follows))
+    for state in structure.of_kind("state"):
+        for of, share in () if lossless else state.heat:
+            out.heat(state.name, of, share)
     system = out.build()
     for body in system.balanced:
         turned = (device.name for device in structure.devices if body in parts.bodies_of(device.part, device.wires))
@@ -193,6 +198,15 @@ def _clutch(out: Driveline, one: Element, given: dict[str, float]) -> None:
     stick = given.pop("stick", 1.0)
     given["stick"] = (stick, given.pop("stick_back", stick))
     (out.clutch if one.kind == "clutch" else out.brake)(one.name, *one.bodies, friction=_columns(one.friction), **given)
+
+
+def _state(out: Driveline, name: str, capacity: float, start: float, conductance: float = 0.0, surroundings: float = 0.0) -> None:
+    """Add a temperature, with its flow to the surroundings: the table reaches from absolute zero to far above what can be given."""
+    out.state(name, capacity, start)
+    if conductance > 0.0:
+        ends = (-273.15, 1e5)
+        flows = [conductance * (surroundings - end) for end in ends]
+        out.torque(f"{name} to its surroundings", name, by="state", table=(ends, flows))
 
 
 def inputs_of(structure: Structure) -> dict[str, Table]:

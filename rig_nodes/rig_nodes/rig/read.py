@@ -385,6 +385,7 @@ class _Reader:
             *(f"{body}.speed" for body in self.bodies),
             *(f"{line}.pressure" for line in sorted(lines)),
             *(f"{name}.torque" for name in (*self.shaft_names, *self.element_names)),
+            *(f"{name}.temperature" for name in self.map_of("states")),
             *(f"{name}.{one}" for name, device in by_name.items() for one in parts.part(device.part).state),
         ]
         if shows not in known:

@@ -37,6 +37,7 @@ GROUPS = {
     "slider_cranks": ("body",),
     "motions": ("body",),
     "variators": ("bodies", "of", "table", "period", "angle"),
+    "states": ("heat",),
 }
 ELEMENTS = {
     "relations": "relation",
@@ -47,9 +48,17 @@ ELEMENTS = {
     "slider_cranks": "slider_crank",
     "motions": "motion",
     "variators": "variator",
+    "states": "state",
 }
 _GIVEN = "inputs of tables"  # what the names of inputs that tables read are among
-_ACROSS = {"speed": "angular velocity", "angle": "angle", "ratio": "ratio", "input": "ratio", "time": "time"}
+_ACROSS = {
+    "speed": "angular velocity",
+    "angle": "angle",
+    "ratio": "ratio",
+    "input": "ratio",
+    "time": "time",
+    "state": "temperature",
+}
 
 
 def read_elements(reader: _Reader) -> tuple[Element, ...]:
@@ -92,6 +101,8 @@ def read_inputs(reader: _Reader, elements: tuple[Element, ...]) -> dict[str, Poi
             dimensions[one.name] = "ratio" if one.follows else "torque"
         elif one.kind in ("torque", "motion", "variator"):
             dimensions[one.name] = "angular velocity" if one.kind == "motion" else "ratio"
+        elif one.kind == "state":
+            dimensions[one.name] = "power"
     capacities = [one.name for one in elements if one.kind in ("clutch", "brake")]
     for name, node in nodes.items():
         where, what = reader.at(nodes, name), f"inputs.{name}"
@@ -231,6 +242,8 @@ class _Element:
         """Return the element with what its kind takes; RigError with file and line when it is not right."""
         if self.kind == "relation":
             return self.relation()
+        if self.kind == "state":
+            return Element(self.name, "state", (), heat=self.heat())
         follows, friction = None, ()
         if self.kind in ("clutch", "brake"):
             follows, friction = self.capacity(), self.friction()
@@ -284,6 +297,17 @@ class _Element:
                 raise RigError(f"{at}: {self.what}.coefficients.{body} is {brief(value)}, expected a number other than 0")
         return Element(self.name, "relation", tuple(nodes), tuple(map(float, nodes.values())))
 
+    def heat(self) -> tuple[tuple[str, float], ...]:
+        """Return what loses power into a state, with the share of it; the driveline refuses what can lose none."""
+        nodes, what = self.node.get("heat", {}), f"{self.what}.heat"
+        if not isinstance(nodes, Map):
+            raise self.reader.wrong(self.node, "heat", f"{what} must be a map of what loses power, found {brief(nodes)}")
+        wheres = {name: self.reader.at(nodes, name) for name in nodes}
+        return tuple(
+            (name, quantity(_sourced(node, wheres[name], f"{what}.{name}"), "ratio", f"{wheres[name]}: {what}.{name}"))
+            for name, node in nodes.items()
+        )
+
     def friction(self) -> Points:
         """Return the factors over the slip."""
         if "friction" not in self.node:
@@ -304,15 +328,15 @@ class _Element:
         by, of = node.get("by", by), node.get("of", "")
         if isinstance(by, List):
             by, of = self.two_quantities(node, what, by, of)
-        elif by not in ("speed", "angle"):
+        elif by not in ("speed", "angle", "state"):
             raise reader.wrong(
                 node,
                 "by",
-                f"{what}.by is {brief(by)}, expected speed, angle, or a list of two of {', '.join(_ACROSS)}; what depends on time "
-                "alone belongs under inputs",
+                f"{what}.by is {brief(by)}, expected speed, angle, state, or two of {', '.join(_ACROSS)}; what depends on "
+                "time alone belongs under inputs",
             )
-        elif of:
-            self.turning(node, of, what)
+        elif of or by == "state":
+            self.turning(node, of, what, by)
         numbers = [
             quantity(_sourced(node[key], reader.at(node, key), f"{what}.{key}"), "angle", f"{reader.at(node, key)}: {what}.{key}")
             if key in node
@@ -322,8 +346,12 @@ class _Element:
         columns = (_ACROSS[by],) if isinstance(by, str) else tuple(_ACROSS[one] for one in by)
         return Follows(read_table(reader, node, "table", f"{what}.table", (*columns, along)), by, of, *numbers)
 
-    def turning(self, node: Map, of: object, what: str) -> None:
-        """Refuse what is not a body, nor an element with a slip."""
+    def turning(self, node: Map, of: object, what: str, by: str = "speed") -> None:
+        """Refuse what is not a body, nor an element with a slip, or by "state" what is not a state."""
+        if by == "state":
+            if of not in (states := list(self.reader.map_of("states"))):
+                raise self.reader.wrong(node, "of", f"{what}.of names {brief(of)}, expected a state; {meant(of, states)}")
+            return
         known = [
             *self.reader.bodies,
             *self.reader.map_of("clutches"),
@@ -359,7 +387,7 @@ class _Element:
             if not isinstance(which, str) or not is_name(which):
                 raise wrong(node, "of", f"{what}.of: {one} is of one name; found {brief(which)}")
             if one != "input":
-                self.turning(node, which, what)
+                self.turning(node, which, what, one)
             elif (taken := self.reader.names.setdefault(which, _GIVEN)) != _GIVEN:
                 raise wrong(node, "of", f"{what}.of: there is '{which}' among the {taken} already; name the input otherwise")
             out.append(which)

@@ -117,8 +117,24 @@ class VariatorConfig:
     )
 
 
+@dataclass(frozen=True)
+class StateConfig:
+    """A temperature that rises by what elements lose."""
+
+    capacity: float = param("heat capacity", 1e-3, 1e9, "Heat that warms it by 1 K")
+    start: float = param("temperature", -273.0, 3e3, "Temperature at time 0")
+    conductance: float = param("thermal conductance", 0.0, 1e6, "Heat flow to the surroundings per kelvin; left out, none", None)
+    surroundings: float = param("temperature", -273.0, 3e3, "Temperature of the surroundings; left out, 0 degC", None)
+
+
 # kind of an element of the driveline -> its values
-ELEMENTS = {"clutch": ClutchConfig, "brake": BrakeConfig, "slider_crank": SliderCrankConfig, "variator": VariatorConfig}
+ELEMENTS = {
+    "clutch": ClutchConfig,
+    "brake": BrakeConfig,
+    "slider_crank": SliderCrankConfig,
+    "variator": VariatorConfig,
+    "state": StateConfig,
+}
 
 
 @lru_cache(maxsize=256)

@@ -145,7 +145,7 @@ class Element:
     name : str
         Name of the element.
     kind : str
-        "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank", "motion" or "variator".
+        "relation", "clutch", "brake", "torque", "varying_inertia", "slider_crank", "motion", "variator" or "state".
     bodies : tuple of str
         The bodies that it joins or acts on.
     coefficients : tuple of float
@@ -154,6 +154,8 @@ class Element:
         Table of the torque, of the inertia, of the ratio, or of the capacity of a clutch or brake.
     friction : tuple of (float, float)
         Slips [rad/s] and factors of the capacity.
+    heat : tuple of (str, float)
+        Of a state what loses power into it, and the share of this.
     """
 
     name: str
@@ -162,6 +164,7 @@ class Element:
     coefficients: tuple[float, ...] = ()
     follows: Follows | None = None
     friction: Points = ()
+    heat: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -276,6 +276,8 @@ class World:
             return f"driveline.meter[{meters.index(what)}]"
         if name == "speed" and owner in plan.bodies:
             return f"driveline.speed[{plan.bodies.index(owner)}]"
+        if name == "temperature" and owner in plan.system.states:
+            return f"driveline.v[{plan.system.speeds.index(owner)}]"
         if name in ("pressure", "port") and owner in plan.oil_lines:
             return f"oil[{plan.oil_lines.index(owner)}].{name}"
         if name == "torque" and all(owner != instance.name for instance in plan.instances):
