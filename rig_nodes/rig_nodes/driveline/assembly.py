@@ -15,7 +15,22 @@ import numpy as np
 
 from rig_nodes.base import RigError
 from rig_nodes.driveline.description import Description, Reading, losses_of
-from rig_nodes.driveline.laws import ANGLE, ARGUMENT, CAPACITY, FRICTION, GEARING, HEAT, INPUT, MOTION, SHAFT, SPEED, TORQUE, Law
+from rig_nodes.driveline.laws import (
+    ANGLE,
+    ARGUMENT,
+    CAPACITY,
+    FRICTION,
+    GEARING,
+    HEAT,
+    INPUT,
+    MOTION,
+    SHAFT,
+    SPEED,
+    TEETH,
+    TORQUE,
+    Law,
+)
+from rig_nodes.driveline.losses import loss_share
 from rig_nodes.driveline.motions import locks_itself, rank
 from rig_nodes.driveline.system import Mesh, System
 from rig_nodes.driveline.tables import Grid, Table
@@ -181,16 +196,9 @@ class Assembly(Description):
         return balances, tuple(body for body, one in zip(bodies, balanced) if one)
 
     def _mesh_of(self, name: str, elements: tuple[str, ...]) -> Mesh:
-        """Return the mesh with the coefficients of its loss.
-
-        Of a power x from a, (1 - efficiency) x is lost, and of a power x from b, (1 - back) x. With a torque t into the mesh at a,
-        and t - loss out of it, both losses are `share` times |t - before * loss|, because t is greater than before * loss where a
-        drives and smaller where b drives.
-        """
+        """Return the mesh with the coefficients of its loss."""
         there, back = (self._meshes.get(name) or self._lossy_sets[name])[-2:]
-        ahead, behind = losses_of(there, back)
-        before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
-        return Mesh(name, elements.index(name), elements.index(f"{name} loss"), ahead / (1.0 - before * ahead), before)
+        return Mesh(name, elements.index(name), elements.index(f"{name} loss"), *loss_share.py_func(there, back))
 
     def _start(
         self,
@@ -242,6 +250,12 @@ class Assembly(Description):
                     springs=springs,
                 )
             )
+        names = list(self._elements | self._mesh_elements())
+        for name, (grid, least) in self._teeth.items():
+            gear, loss = names.index(name), names.index(f"{name} loss")
+            law = Law(name, TEETH, SPEED, w[loss], 0.0 * w[loss], nothing, element=loss, factor=gear, gap=least)
+            # the torque that the mesh carries, which the law sets itself
+            laws += law, Law(name, ARGUMENT, ANGLE, law.on, law.on, nothing, grid.rows, curves=grid.curves)
         for name, (kind, on, reads, table, *ratio) in self._acts.items():
             acts = _rows(bodies, [on])[0]
             on = acts @ t
@@ -252,7 +266,7 @@ class Assembly(Description):
                 factors[name] = float(on @ v_start) if kind == MOTION else ratio[0] if ratio else 1.0
             law = Law(name, kind, SPEED, on, on, acts, factor=factor)
             if kind == GEARING:
-                f = list(self._elements | self._mesh_elements()).index(name)
+                f = names.index(name)
                 law = law._replace(element=f, gap=self._variators[name][2])
             law, *other = self._reading_laws(law, reads, table, bodies, t, factors)
             # with two arguments a part of the slopes is implicit, with one all of it or nothing

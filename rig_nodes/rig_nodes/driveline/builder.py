@@ -16,7 +16,7 @@ from pathlib import Path
 from rig_nodes.base import RigError, atomic_write
 from rig_nodes.driveline.depending import Depending
 from rig_nodes.driveline.described import checks_arguments
-from rig_nodes.driveline.description import Points
+from rig_nodes.driveline.description import Efficiency, Points
 from rig_nodes.driveline.picture import svg
 from rig_nodes.driveline.ties import GROUND
 
@@ -81,7 +81,7 @@ class Driveline(Depending):
         self._gears.append((a, b, float(ratio)))
         self._ties[name] = {a: 1.0, b: -float(ratio)}
 
-    def mesh(self, name: str, a: str, b: str, ratio: float, efficiency: float, back: float | None = None) -> None:
+    def mesh(self, name: str, a: str, b: str, ratio: float, efficiency: Efficiency, back: Efficiency | None = None) -> None:
         """Add a gear w_a = ratio w_b whose teeth lose power.
 
         Its loss is the friction element "`name` loss". Both sides need inertia, either their own or that of bodies tied to them.
@@ -94,9 +94,10 @@ class Driveline(Depending):
             The bodies that it joins.
         ratio : float
             Speed of a over speed of b.
-        efficiency : float
-            Share of the power from a that reaches b, above 0 and at most 1.
-        back : float, optional
+        efficiency : float, (speeds (p,), values (p,)) or (speeds (p,), torques (r,), values (p, r))
+            Share of the power from a that reaches b, above 0 and at most 1; or a table of it over the size of the speed of a
+            [rad/s], or over this and the size of the torque at a [Nm], linear between its points and flat beyond its ends.
+        back : the same, optional
             Share of the power from b that reaches a; without it the same as `efficiency`. At 0 the mesh is at the limit of
             self-locking against b. Below 0 it locks itself with a margin, and may jam when b drives it while it turns: an impulse
             then stops it. 2 - 1 / efficiency means the same friction between the teeth in both directions.
@@ -112,11 +113,18 @@ class Driveline(Depending):
             raise RigError(f"driveline: mesh '{name}' names the {GROUND}; two bodies that turn are needed")
         if not math.isfinite(ratio) or ratio == 0.0:
             raise RigError(f"driveline: ratio of mesh '{name}' is {ratio}; a finite number other than 0 is needed")
-        there, back = self._efficiencies(f"mesh '{name}'", a, b, efficiency, back)
+        there, back = self._efficiencies(f"mesh '{name}'", name, a, b, efficiency, back)
         self._meshes[name] = a, b, float(ratio), there, back
 
     def planetary(
-        self, name: str, sun: str, ring: str, carrier: str, ratio: float, efficiency: float | None = None, back: float | None = None
+        self,
+        name: str,
+        sun: str,
+        ring: str,
+        carrier: str,
+        ratio: float,
+        efficiency: Efficiency | None = None,
+        back: Efficiency | None = None,
     ) -> None:
         """Add a planetary set: w_sun + ratio w_ring = (1 + ratio) w_carrier (Willis).
 
@@ -133,9 +141,10 @@ class Driveline(Depending):
             The bodies of its three members.
         ratio : float
             Teeth of the ring over teeth of the sun, above 0.
-        efficiency : float, optional
-            Share of the power from the sun that reaches the ring while the carrier stands, above 0 and at most 1.
-        back : float, optional
+        efficiency : float or table, optional
+            Share of the power from the sun that reaches the ring while the carrier stands, above 0 and at most 1; or a table as
+            that of a mesh, over speed and torque of the sun relative to the carrier.
+        back : float or table, optional
             Share of the power from the ring that reaches the sun; without it the same as `efficiency`, below 0 as of a mesh.
 
         Raises
@@ -150,7 +159,7 @@ class Driveline(Depending):
             if len({sun, ring, carrier}) < 3:
                 raise RigError(f"driveline: {what} joins '{sun}', '{ring}' and '{carrier}'; three different bodies are needed")
             self._exist(what, sun, ring, carrier)
-            there, back = self._efficiencies(what, sun, ring, efficiency, back)
+            there, back = self._efficiencies(what, name, sun, ring, efficiency, back)
             self._lossy_sets[name] = sun, ring, carrier, float(ratio), there, back
             return
         if back is not None:

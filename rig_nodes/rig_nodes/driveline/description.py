@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from rig_nodes.base import RigError, brief
+from rig_nodes.driveline.described import is_number
 from rig_nodes.driveline.laws import ANGLE, GEARING, INERTIA, INPUT, MOTION, RATIO, SPEED, TIME, TORQUE
+from rig_nodes.driveline.losses import LEAST_LOSS
 from rig_nodes.driveline.picture import Body, Link
-from rig_nodes.driveline.system import LEAST_LOSS
 from rig_nodes.driveline.tables import Grid, Table, grid_of, table_of, value_at
 from rig_nodes.driveline.ties import GROUND
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 Points = tuple[Sequence[float], Sequence[float]]
 Surface = tuple[Sequence[float], Sequence[float], Sequence[Sequence[float]] | np.ndarray]
 Of = str | tuple[str, str]  # a body, an element or an input, or two of these for the ratio of their speeds
+Efficiency = float | Points | Surface
 READS = {"speed": SPEED, "angle": ANGLE, "ratio": RATIO, "input": INPUT, "time": TIME, "state": SPEED}
 _ACTS = {TORQUE: "torque", MOTION: "motion", INERTIA: "varying inertia"}  # words in pictures
 
@@ -60,6 +62,7 @@ class Description:
         self._capacities: dict[str, tuple] = {}
         self._acts: dict[str, tuple] = {}  # torques, motions and inertias that follow the motion itself
         self._variators: dict[str, tuple[str, str, float]] = {}  # gears whose ratio varies: bodies, and ratio at the start
+        self._teeth: dict[str, tuple[Grid, float]] = {}  # meshes and sets whose efficiency is a table, with its least torque
         self._states: set[str] = set()  # bodies that are states
         self._heats: list[tuple[str, str, float]] = []  # states, what loses power, share that the state gets
         self._arguments: dict[str, str] = {}  # inputs that laws read, with the first law of each
@@ -119,10 +122,19 @@ class Description:
         if not np.any(np.abs(row) > 1e-12):
             raise RigError(f"driveline: '{name}' joins bodies that gears or relations already tie together; its slip is always 0")
 
-    @staticmethod
-    def _efficiencies(what: str, a: str, b: str, efficiency: float, back: float | None) -> tuple[float, float]:
-        """Return the shares of the power that arrive from a at b, and from b at a."""
+    def _efficiencies(
+        self, what: str, name: str, a: str, b: str, efficiency: Efficiency, back: Efficiency | None
+    ) -> tuple[float, float]:
+        """Return the shares of the power that arrive from a at b, and from b at a; of tables those at rest."""
         back = efficiency if back is None else back
+        if not (is_number(efficiency) and is_number(back)):
+            tables = [_efficiency_table(f"efficiency of {what}", one) for one in (efficiency, back)]
+            for table in tables:
+                for one in table[2].flat:
+                    self._efficiencies(what, name, a, b, *((one, one) if table is tables[0] else (1.0, one)))
+            self._teeth[name] = found = _both_ways(what, *tables)
+            grid, least = found
+            return tuple(value_at(grid.curves[round(value_at(grid.rows, one))], 0.0) for one in (least, -least))
         if not 0.0 < efficiency <= 1.0:
             raise RigError(f"driveline: efficiency of {what} is {efficiency}; a number above 0, at most 1, is needed")
         if not (math.isfinite(back) and back <= 1.0):
@@ -322,6 +334,37 @@ class Description:
                 else:
                     body.notes.append(f"{link.text}, to the ground")
         return list(bodies.values()), [one for one in links if one.a in bodies and one.b in bodies]
+
+
+def _efficiency_table(what: str, given: Efficiency) -> tuple[Floats, Floats, Floats]:
+    """Return speeds (p,) from 0 on, torques (r,) above 0 and efficiencies (p, r)."""
+    if is_number(given):
+        return np.zeros(1), np.ones(1), np.full((1, 1), float(given))
+    try:
+        speeds, *torques, values = (np.array(one, float) for one in given)
+        torques = torques[0] if torques else np.ones(1)
+        values = values.reshape(len(speeds), -1) if values.ndim == 1 and len(torques) == 1 else values
+    except (TypeError, ValueError, IndexError):
+        speeds, torques, values = np.zeros(0), np.zeros(0), np.zeros((0, 0))
+    rising = all(one.ndim == 1 and len(one) and np.isfinite(one).all() and np.all(np.diff(one) > 0.0) for one in (speeds, torques))
+    if not rising or values.shape != (len(speeds), len(torques)) or speeds[0] < 0.0 or torques[0] <= 0.0:
+        raise RigError(
+            f"driveline: {what} is {brief(given)}; a number is needed, or rising speeds from 0 on and a value for each, or these, "
+            "rising torques above 0 and as many rows of values as speeds, with as many columns as torques"
+        )
+    return speeds, torques, values
+
+
+def _both_ways(what: str, there: tuple[Floats, Floats, Floats], back: tuple[Floats, Floats, Floats]) -> tuple[Grid, float]:
+    """Return the table of both directions over speed and torque, which is below 0 for power from b, and its least torque."""
+    least, speeds = min(there[1][0], back[1][0]), np.union1d(np.union1d(there[0], back[0]), [0.0, 1.0])
+    torques, columns = [], []
+    for sign, (own, loads, values) in ((-1.0, back), (1.0, there)):
+        whole = np.union1d(loads, [least, 2.0 * least])
+        over = [[np.interp(load, loads, row) for load in whole] for row in values]
+        columns.append(np.array([np.interp(speeds, own, column) for column in zip(*over)])[:: int(sign)])
+        torques.append(sign * whole[:: int(sign)])
+    return grid_of(what, (speeds, np.concatenate(torques), np.concatenate(columns).T), (None, None)), float(least)
 
 
 def losses_of(there: float, back: float) -> tuple[float, float]:

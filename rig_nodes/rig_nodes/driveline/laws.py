@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rig_nodes.driveline.system import System
 
 # kinds, in the order in which they act on a step; an ARGUMENT does not act, but is the second one of the law with its name
-CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING, HEAT, ARGUMENT = range(9)
+CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING, HEAT, TEETH, ARGUMENT = range(10)
 # what a law reads; the last three are possible for an ARGUMENT only: the ratio of two speeds, an input over time, the time
 SPEED, ANGLE, RATIO, INPUT, TIME = range(5)
 
@@ -36,7 +36,8 @@ class Law(NamedTuple):
     name : str
         Name of the law.
     kind : int
-        CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING (driveline/variators.py), HEAT (driveline/heat.py) or ARGUMENT.
+        CAPACITY, FRICTION, SHAFT, TORQUE, MOTION, INERTIA, GEARING (driveline/variators.py), HEAT (driveline/heat.py), TEETH
+        (driveline/teeth.py) or ARGUMENT.
     by : int
         What it reads: SPEED, ANGLE, RATIO, INPUT or TIME.
     of, on : (n,) array of float
@@ -49,13 +50,15 @@ class Law(NamedTuple):
     slot : int
         Its row among the shafts, where its slope is implicit; -1 without one.
     element : int
-        Number of its friction element, -1 without one; of a HEAT that of what loses power (driveline/heat.py).
+        Number of its friction element, -1 without one; of a HEAT that of what loses power, of
+        TEETH that of the loss.
     factor : int
-        Number of the input over time that multiplies it, or of the INPUT that it reads; -1 without one.
+        Number of the input over time that multiplies it, or of the INPUT that it reads; of TEETH that
+        of the element that holds the wheels together; -1 without one.
     start : float
         Angle at the start [rad].
     gap : float
-        Half the backlash of a SHAFT [rad], or the ratio of a GEARING at the start.
+        Half the backlash of a SHAFT [rad], the ratio of a GEARING at the start, or the least torque of the table of TEETH [Nm].
     damping : float
         Damping of a SHAFT [Nm s/rad].
     springs : tuple of (float, float)
@@ -200,7 +203,7 @@ def laws_of(laws: Sequence[Law], n: int) -> Laws:
     ints = (np.array([getattr(one, name) for one in laws], np.int64) for name in ("kind", "by", "slot", "element", "factor"))
     kind, by, slot, element, factor = ints
     arguments = {one.name: k for k, one in enumerate(laws) if one.kind == ARGUMENT}
-    second = [arguments.get(one.name, -1) if one.kind in (CAPACITY, TORQUE) else -1 for one in laws]
+    second = [arguments.get(one.name, -1) if one.kind in (CAPACITY, TORQUE, TEETH) else -1 for one in laws]
     of, on = (np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on"))
     springs = [spring for one in laws for spring in one.springs]
     tables, curves = [one.table for one in laws], []

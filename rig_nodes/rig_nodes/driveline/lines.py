@@ -29,6 +29,7 @@ from rig_nodes.driveline.laws import (
     MOTION,
     RATIO,
     SHAFT,
+    TEETH,
     TIME,
     TORQUE,
     Laws,
@@ -37,6 +38,7 @@ from rig_nodes.driveline.maps import argument, map_error, map_line, ratio_of
 from rig_nodes.driveline.motion import product
 from rig_nodes.driveline.state import Loads, put
 from rig_nodes.driveline.tables import Tables, along, curves_at, line, over_two, piece, value
+from rig_nodes.driveline.teeth import teeth_error, teeth_line
 from rig_nodes.driveline.variators import own_speed, ratio_error, ratio_line
 
 if TYPE_CHECKING:
@@ -74,8 +76,8 @@ class Lines(NamedTuple):
     slope, torque, other : (laws,) arrays
         Of a CAPACITY `other` is the factor at the end; of FRICTION `slope` is that over slip and `other` the mean capacity; of a
         SHAFT, a TORQUE and an INERTIA `torque` is that at the start; `slope` is that over the argument, of an INERTIA the expected
-        speed at the end; `other` is the damping of a SHAFT and the mean of an INERTIA; `torque` of a HEAT is its mean power. Those
-        of a torque over two arguments are described in driveline.maps.
+        speed at the end; `other` is the damping of a SHAFT and the mean of an INERTIA; `torque` of a HEAT is its mean power;
+        `torque` and `other` of TEETH are both efficiencies. Those of a torque over two arguments are described in driveline.maps.
     push : (2, laws) array
         Of a TORQUE what is on the speeds at both ends.
     loads : Loads
@@ -304,6 +306,8 @@ def make_lines(part: Part, attempt: int, heavy: bool, model: Model, given: Given
             ratio_line(k, part, attempt == 0, given.factors, model, moving, lines)
         elif kind == HEAT:
             heat_line(k, attempt == 0, laws, moving.own, lines)
+        elif kind == TEETH:
+            teeth_line(k, laws, lines, moving.loss)
         if laws.slot[k] >= 0:
             state.twist[laws.slot[k]] = 0.0
 
@@ -409,6 +413,8 @@ def worst_law(part: Part, model: Model, given: Given, moving: Moving, before: St
             error, scale = ratio_error(k, part, dx, given.factors, model, state, lines)
         elif kind == HEAT:
             error, scale = heat_error(k, d, laws, moving, before, lines)
+        elif kind == TEETH:
+            error, scale = teeth_error(k, dx, laws, state, lines)
         if not error <= most * scale:
             worst, most = k, error / scale
         lines.way[k] = dx

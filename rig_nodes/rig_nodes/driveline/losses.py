@@ -28,12 +28,26 @@ CONSTANT, SHARE, SQUARE, OWN, ON, FACTOR, WAY, BASE, LAST, BEFORE, NEXT, WEIGHTS
 STEEPEST = 0.5  # largest slope where power flows backwards: two losses in a path then take at most all of it, without self-locking
 MOST = 1e15  # Nm, above which the search for a loss ends
 CLOSE = 1e-5  # Nm, largest last Newton step; with parabolas the remaining error is a hundred-thousandth of that
+LEAST_LOSS = 1e-9  # least loss of a mesh [Nm] and as a share, so that its brake always exists
 PREDICTED = 1e-3  # Nm, largest difference of a predicted loss, which is not solved, from the one that its torque demands
 
 
 def loss_width(n: int, m: int) -> int:
     """Return the number of columns of `loss` for n speeds and m friction elements."""
     return WEIGHTS + m + n
+
+
+@njit(**INLINED)
+def loss_share(there: float, back: float) -> tuple[float, float]:
+    """Return (share, before) of the loss of a mesh from its efficiencies, for driveline.system.Mesh.
+
+    Of a power x from a, (1 - there) x is lost, and of a power x from b, (1 - back) x. With a torque t into the mesh at a, and
+    t - loss out of it, both losses are `share` times |t - before * loss|, because t is greater than before * loss where a drives
+    and smaller where b drives.
+    """
+    ahead, behind = max(1.0 - there, LEAST_LOSS), max(1.0 - back, LEAST_LOSS)
+    before = (behind - ahead * (1.0 - behind)) / (2.0 * ahead * behind)
+    return ahead / (1.0 - before * ahead), before
 
 
 @njit(**INLINED)

@@ -17,10 +17,8 @@ from rig_nodes.base import RigError
 from rig_nodes.driveline import algebra
 from rig_nodes.driveline.algebra import work_size
 from rig_nodes.driveline.laws import GEARING, Law
-from rig_nodes.driveline.losses import BASE, FACTOR, ON, OWN, SHARE, WEIGHTS, loss_width
+from rig_nodes.driveline.losses import BASE, FACTOR, LEAST_LOSS, ON, OWN, SHARE, WEIGHTS, loss_width
 from rig_nodes.driveline.state import State, Structure
-
-LEAST_LOSS = 1e-9  # least loss of a mesh [Nm] and as a share, so that its brake always exists
 
 
 @dataclass(frozen=True)
