@@ -54,7 +54,7 @@ def test_the_engine_moves_every_element_as_python_alone_does(moved):
     rig, run, missed = moved
     assert missed.max() < 1e-9 and run.result().capped == 0 and rig.reason == ""
     assert len({event.element for event in run.result().events}) >= 5, "clutches, brakes and the worm lock and let go"
-    for body in ("drum", "saw", "carrier", "right", "shaker", "end", "spider", "crank", "swing", "turbine", "fork"):
+    for body in ("drum", "saw", "carrier", "right", "shaker", "end", "spider", "rotor", "crank", "swing", "turbine", "fork"):
         speed = run.result().speed(body)
         assert np.ptp(speed) > 0.5, f"{body} moves"
 
@@ -65,6 +65,7 @@ def test_torques_are_those_of_python_alone(moved):
     for name in ("soft", "geared", "shoes", "across", "low", "grip", "air", "gravity", "tyre", "shake", "fluid", "map", "pressed"):
         assert rig.true(f"{name}.torque") == pytest.approx(result.torque(name)[-1], rel=1e-9, abs=1e-8), name
     assert rig.true("worm.torque") == pytest.approx(-result.torque("worm", "input")[-1], rel=1e-9)
+    assert rig.true("bevel.torque") == pytest.approx(-result.torque("bevel", "end")[-1], rel=1e-9)
     assert rig.true("reducer.torque") == pytest.approx(-result.torque("reducer", "pinion")[-1], rel=1e-9)
     for name, body in (("sweep", "turbine"), ("joint", "fork")):
         assert rig.true(f"{name}.torque") == pytest.approx(-result.torque(name, body)[-1], rel=1e-9), name
@@ -202,7 +203,7 @@ def test_a_run_records_the_torques_in_all_that_joins_bodies(tmp_path):
     run.to(0.32)
     result, signals = run.result(), torque_signals(bag.structure)
     assert [one.name for one in signals if one.of == "set"] == ["set_sun_torque", "set_ring_torque", "set_carrier_torque"]
-    assert len(signals) == 34 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
+    assert len(signals) == 36 and list(bag.logger("/rig/torques").channels) == [one.name for one in signals]
     for one in signals:
         times, torque = bag.series(one.name)
         rows = np.searchsorted(result.t, times - 1e-9)
@@ -241,6 +242,13 @@ WRONG = {
         "by the others 'drum' would have 0.45 rad/s",
     ),
     "an efficiency above 1": ('[60 %, "assumed"]', '[160 %, "assumed"]', "worm.efficiency is 160 %, outside 0.1 to 100 %"),
+    "a table and a value": (
+        "    table: [[[0 rpm, 1 Nm",
+        "    efficiency: [60 %, x]\n    table: [[[0 rpm, 1 Nm",
+        "has the keys efficiency and table",
+    ),
+    "a table back only": ("    table: [[[0 rpm, 1 Nm, 70 %], ", "    tables: [[[0 rpm, 1 Nm, 70 %], ", "unknown key 'tables'"),
+    "a table above 1": ("[0 rpm, 60 %], [900", "[0 rpm, 160 %], [900", "efficiency of mesh 'bevel' from rotor back to end is 1.6"),
     "an efficiency without a name": ("{name: worm, bodies", "{bodies", "mesh 1 has an efficiency and no name"),
     "the way back without the way there": ('efficiency: [60 %, "assumed"], back', "back", "has the key back and no efficiency"),
     "a mesh that loses on a wheel": (

@@ -177,7 +177,8 @@ def all_turn_with(structure: Structure) -> bool:
     known = {end.body for end in (structure.input, structure.output)}
     while more := {body for mesh in structure.meshes for body in mesh.bodies if known & set(mesh.bodies)} - known:
         known |= more
-    gives_way = structure.shafts or structure.elements or any(one.lossy for one in (*structure.meshes, *structure.planetary_sets))
+    lossy = (one.lossy or one.table for one in (*structure.meshes, *structure.planetary_sets))
+    gives_way = structure.shafts or structure.elements or any(lossy)
     return not gives_way and set(structure.bodies) - set(structure.massless) <= known
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..driveline import Driveline, System, Table, table_of, torque_refused
 from ..plant import part as parts
-from .structure import Device, Element, Follows, GearHeld, Points, Structure
+from .structure import Device, Element, Follows, GearHeld, Mesh, PlanetarySet, Points, Structure
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -65,12 +65,12 @@ def _frame(structure: Structure, inertias: Mapping[str, float], values: Mapping,
     for one in structure.of_kind("state"):
         _state(out, one.name, **_given(values[one.name]))
     for name, mesh in zip(structure.mesh_names, structure.meshes):
-        if mesh.lossy and not lossless:
-            out.mesh(name, *mesh.bodies, 1.0 / mesh.ratio, **_given(values[name]))
+        if (mesh.lossy or mesh.table) and not lossless:
+            out.mesh(name, *mesh.bodies, 1.0 / mesh.ratio, **_efficiencies(mesh, values.get(name)))
         else:
             out.gear(mesh.bodies[1], mesh.bodies[0], mesh.ratio, name)
     for one in structure.planetary_sets:
-        loses = _given(values[one.name]) if one.lossy and not lossless else {}
+        loses = _efficiencies(one, values.get(one.name)) if (one.lossy or one.table) and not lossless else {}
         out.planetary(one.name, one.sun, one.ring, one.carrier, one.ratio, **loses)
     for one in structure.of_kind("relation"):
         out.relation(one.name, dict(zip(one.bodies, one.coefficients)))
@@ -175,14 +175,24 @@ def _columns(points: Points) -> tuple | None:
     return tuple(zip(*points)) if points else None
 
 
-def _law(follows: Follows) -> dict:
-    """The table, its period and the angle at the start; a table over two quantities as a grid, of which it has every point."""
-    table = _columns(follows.table)
-    if len(follows.table[0]) == 3:
-        values = {point[:2]: point[2] for point in follows.table}
+def _grid(points: Points) -> tuple | None:
+    """The columns of a table; of one over two quantities the grid, of which it has every point."""
+    table = _columns(points)
+    if points and len(points[0]) == 3:
+        values = {point[:2]: point[2] for point in points}
         first, second = (sorted(set(column)) for column in table[:2])
         table = first, second, [[values[x, u] for u in second] for x in first]
-    return {"table": table, "period": follows.period or None, "angle": follows.angle}
+    return table
+
+
+def _efficiencies(one: Mesh | PlanetarySet, values: Mapping[str, float] | DataclassInstance | None) -> dict:
+    """The efficiencies of what loses, for the driveline."""
+    return {"efficiency": _grid(one.table), "back": _grid(one.back_table)} if one.table else _given(values)
+
+
+def _law(follows: Follows) -> dict:
+    """The table, its period and the angle at the start."""
+    return {"table": _grid(follows.table), "period": follows.period or None, "angle": follows.angle}
 
 
 def _first_ratio(one: Element, ratio: float = 1.0) -> float:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from ..driveline import Body, Link, svg
 from ..plant import part as parts
-from .structure import Device, Structure
+from .structure import Device, Mesh, PlanetarySet, Structure
 
 if TYPE_CHECKING:
     from .transmission import Transmission
@@ -37,11 +37,16 @@ if TYPE_CHECKING:
             """Transmission of a rig with gears."""
 
 
+def _losing(one: Mesh | PlanetarySet, config: object) -> str:
+    """Text on the efficiency of teeth; empty where they lose nothing."""
+    return f"efficiency {getattr(config, one.name).efficiency:.3g}" if one.lossy else "efficiency by table" * bool(one.table)
+
+
 def _links(structure: Structure, config: object) -> list[Link]:
     """Everything that joins two bodies."""
     out: list[Link] = []
     for mesh in structure.meshes:
-        losing = f"efficiency {getattr(config, mesh.name).efficiency:.3g}" if mesh.lossy else ""
+        losing = _losing(mesh, config)
         first, second = mesh.teeth
         out.append(Link(*mesh.bodies, "mesh", ", ".join(filter(None, (mesh.name, losing))), (f"{first} teeth", f"{second} teeth")))
     out += [Link(*shaft.bodies, "shaft", shaft.name) for shaft in structure.shafts]
@@ -55,7 +60,7 @@ def _links(structure: Structure, config: object) -> list[Link]:
         words = [f"{c:g} {body}" for body, c in zip(one.bodies, one.coefficients)]
         out += [Link(one.bodies[0], other, "set", one.name, (words[0], term)) for other, term in zip(one.bodies[1:], words[1:])]
     for one in structure.planetary_sets:
-        named = f"{one.name}, efficiency {getattr(config, one.name).efficiency:.3g}" if one.lossy else one.name
+        named = ", ".join(filter(None, (one.name, _losing(one, config))))
         sun, ring = f"sun {one.teeth[0]}", f"ring {one.teeth[1]}"
         if one.ring == "ground":
             out.append(Link(one.sun, one.carrier, "set", f"{named}: {ring} held", (sun, "carrier")))

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from ..base import List, Map, RigError, brief, check_keys, file_of, meant, quantity, where_of
 from ..plant import part as parts
 from .quantities import QUANTITIES
-from .read_elements import GROUND, GROUPS, inputs_read, read_elements, read_inputs, read_table
-from .read_wheels import MASSLESS, is_name, read_meshes, read_planetary_sets
+from .read_elements import GROUND, GROUPS, inputs_read, is_name, read_elements, read_inputs, read_table
+from .read_wheels import MASSLESS, read_meshes, read_planetary_sets
 from .signals import TORQUES
 from .structure import MOST_OUTPUTS, RATE, Device, End, GearHeld, OwnPlot, Points, Shaft, Structure, Transducer
 from .transducer_types import TRANSDUCER_TYPES

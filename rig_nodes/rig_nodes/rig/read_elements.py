@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base import UNITS, List, Map, RigError, brief, check_keys, file_of, meant, quantity
-from .read_wheels import is_name
 from .structure import Element, Follows, Points
 
 if TYPE_CHECKING:
@@ -59,6 +58,11 @@ _ACROSS = {
     "time": "time",
     "state": "temperature",
 }
+
+
+def is_name(name: object) -> bool:
+    """Return whether something can be the name of a device, a body or a mesh."""
+    return isinstance(name, str) and name.replace("_", "a").isalnum() and name.isascii()
 
 
 def read_elements(reader: _Reader) -> tuple[Element, ...]:
@@ -124,7 +128,7 @@ def inputs_read(elements: tuple[Element, ...]) -> list[str]:
     return [str(of) for law in laws for by, of in zip(law.by, law.of) if by == "input"]
 
 
-def read_table(reader: _Reader, node: Map, key: str, what: str, columns: tuple[str, ...]) -> Points:
+def read_table(reader: _Reader, node: Map, key: str, what: str, columns: tuple[str, ...], across: str = "") -> Points:
     """Return the points of a table that stands under a key.
 
     It is written as ``[[[x, y], ...], "its source"]``, or ``["file.csv", "its source"]``; over two quantities a point has three.
@@ -141,6 +145,8 @@ def read_table(reader: _Reader, node: Map, key: str, what: str, columns: tuple[s
         What the table is, for the errors.
     columns : tuple of str
         Dimensions of arguments and values, of base.units.
+    across : str
+        Dimension of a second argument that the table may have.
 
     Returns
     -------
@@ -154,14 +160,17 @@ def read_table(reader: _Reader, node: Map, key: str, what: str, columns: tuple[s
     """
     where = reader.at(node, key)
     rows, meaning = _sourced(node[key], where, what), ", ".join(columns)
+    whole = (columns[0], across, columns[1]) if across else columns
     if _is_file(rows):
-        return _of_file(Path(file_of(reader.path, node, key)).parent / rows, f"{where}: {what}", columns)
+        return _of_file(Path(file_of(reader.path, node, key)).parent / rows, f"{where}: {what}", columns, whole)
     if not isinstance(rows, List) or not rows:
         raise RigError(
             f"{where}: {what} must be a list of points, each [{meaning}], or the name of a .csv file; found {brief(rows)}"
         )
     if len(rows) > MOST_POINTS:
         raise RigError(f"{where}: {what} has {len(rows)} points, expected at most {MOST_POINTS}")
+    if isinstance(rows[0], List) and len(rows[0]) == len(whole):
+        columns = whole
     out = []
     for k, row in enumerate(rows):
         at = reader.at(rows, k)
@@ -203,7 +212,7 @@ def _grid(points: list[tuple[float, ...]], where: str) -> Points:
     return tuple(points)
 
 
-def _of_file(path: Path, where: str, columns: tuple[str, ...]) -> Points:
+def _of_file(path: Path, where: str, columns: tuple[str, ...], whole: tuple[str, ...]) -> Points:
     """Points of a CSV file with a heading that has the units, ``speed [rpm], torque [Nm]``; # begins a comment."""
     try:
         with path.open(encoding="utf-8") as file:
@@ -211,7 +220,7 @@ def _of_file(path: Path, where: str, columns: tuple[str, ...]) -> Points:
     except (OSError, UnicodeDecodeError) as error:
         raise RigError(f"{where}: {path} cannot be read ({error})") from None
     heading, *rows = csv.reader(lines, skipinitialspace=True) if lines else [[]]
-    factors = []
+    factors, columns = [], whole if len(heading) == len(whole) else columns
     for column, dimension in zip(heading, columns):
         unit = column.strip().partition("[")[2].removesuffix("]")
         if UNITS.get(unit, ("", 0.0))[0] != dimension:

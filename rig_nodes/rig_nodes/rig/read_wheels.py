@@ -9,6 +9,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from ..base import List, Map, brief, check_keys
+from .read_elements import is_name, read_table
 from .sections import MeshConfig
 from .structure import Mesh, PlanetarySet
 
@@ -16,17 +17,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from .read import _Reader
+    from .structure import Points
 
 MASSLESS = "massless"
 MOST_TEETH = 1000
-MESH_KEYS = ("bodies", "teeth", "reversed", "name", "source")  # in addition to the values of a mesh that loses
+TABLES = ("table", "back_table")  # of an efficiency, in place of a value
+MESH_KEYS = ("bodies", "teeth", "reversed", "name", "source", *TABLES)  # in addition to the values of a mesh that loses
 SET_KEYS = ("sun", "ring", "carrier", "teeth", "source")
 _VALUES = tuple(one.name for one in fields(MeshConfig))
-
-
-def is_name(name: object) -> bool:
-    """Return whether something can be the name of a device, a body or a mesh."""
-    return isinstance(name, str) and name.replace("_", "a").isalnum() and name.isascii()
 
 
 def read_meshes(reader: _Reader) -> tuple[Mesh, ...]:
@@ -46,13 +44,12 @@ def read_meshes(reader: _Reader) -> tuple[Mesh, ...]:
             if not is_name(name):
                 raise reader.wrong(node, "name", f"{what}.name is {brief(name)}, expected letters, digits and _")
             reader.new_name(name, "meshes", node, "name")
-        elif lossy:
-            raise reader.wrong(
-                node, "efficiency", f"{what} has an efficiency and no name; give it one, as its values are found by it"
-            )
+        elif lossy or "table" in node:
+            key = "efficiency" if lossy else "table"
+            raise reader.wrong(node, key, f"{what} has an efficiency and no name; give it one, as its values are found by it")
         bodies = reader.two_bodies(node["bodies"], reader.at(node, "bodies"), f"{what}.bodies")
-        _check_loss(reader, node, name, bodies, what, "both sides of a mesh")
-        out.append(Mesh(bodies, _teeth(reader, node, what), turned in (True, "yes"), name, lossy))
+        tables = _loss(reader, node, name, bodies, what, "both sides of a mesh")
+        out.append(Mesh(bodies, _teeth(reader, node, what), turned in (True, "yes"), name, lossy, *tables))
     return tuple(out)
 
 
@@ -61,7 +58,7 @@ def read_planetary_sets(reader: _Reader) -> tuple[PlanetarySet, ...]:
     nodes, out = reader.map_of("planetary_sets"), []
     for name, node in nodes.items():
         what = f"planetary_sets.{name}"
-        check_keys(reader.path, node, (*SET_KEYS, *_VALUES), SET_KEYS, what, reader.at(nodes, name))
+        check_keys(reader.path, node, (*SET_KEYS, *TABLES, *_VALUES), SET_KEYS, what, reader.at(nodes, name))
         reader.source(node, what)
         wheels = [reader.body(node[key], reader.at(node, key), f"{what}.{key}", ground=True) for key in SET_KEYS[:3]]
         if len(set(wheels)) < 3:
@@ -71,8 +68,8 @@ def read_planetary_sets(reader: _Reader) -> tuple[PlanetarySet, ...]:
             raise reader.wrong(
                 node, "teeth", f"{what}.teeth: the ring has {teeth[1]} and the sun {teeth[0]}; give the sun first, which has fewer"
             )
-        _check_loss(reader, node, name, wheels, what, "all members of a set")
-        out.append(PlanetarySet(name, sun, ring, carrier, teeth, "efficiency" in node))
+        tables = _loss(reader, node, name, wheels, what, "all members of a set")
+        out.append(PlanetarySet(name, sun, ring, carrier, teeth, "efficiency" in node, *tables))
     return tuple(out)
 
 
@@ -87,16 +84,25 @@ def _teeth(reader: _Reader, node: Map, what: str) -> tuple[int, int]:
     return value[0], value[1]
 
 
-def _check_loss(reader: _Reader, node: Map, name: str, bodies: Sequence[str], what: str, members: str) -> None:
-    """Check what loses, and keep its name among those of the elements."""
-    if "efficiency" not in node:
-        if "back" in node:
-            raise reader.wrong(node, "back", f"{what} has the key back and no efficiency; give both, or none of them")
-        return
+def _loss(reader: _Reader, node: Map, name: str, bodies: Sequence[str], what: str, members: str) -> tuple[Points, Points]:
+    """Return the two tables of the efficiency of what loses, and keep its name among those of the elements."""
+    kinds = [(one, other) for one, other in (("efficiency", "back"), TABLES) if one in node or other in node]
+    for one, other in kinds:
+        if one not in node:
+            raise reader.wrong(node, other, f"{what} has the key {other} and no {one}; give both, or none of them")
+    if not kinds:
+        return (), ()
+    if len(kinds) > 1:
+        raise reader.wrong(node, "table", f"{what} has the keys efficiency and table; one of them is possible")
     reader.element_names.append(name)
     if light := [body for body in bodies if reader.node["bodies"].get(body) == MASSLESS]:
         raise reader.wrong(
             node,
-            "efficiency",
+            kinds[0][0],
             f"{what} loses, and its body '{light[0]}' is {MASSLESS}; {members} with an efficiency need an inertia",
         )
+    there, back = (
+        read_table(reader, node, key, f"{what}.{key}", ("angular velocity", "ratio"), "torque") if key in node else ()
+        for key in TABLES
+    )
+    return there, back

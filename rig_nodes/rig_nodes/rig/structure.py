@@ -46,6 +46,8 @@ class Mesh:
         Name of the mesh; empty when it has none.
     lossy : bool
         True when its efficiency, and that of the way back, are settings under its name.
+    table, back_table : tuple of (float, float) or (float, float, float)
+        Speeds [rad/s] and efficiencies, or speeds, torques [Nm] and efficiencies, in place of these.
     """
 
     bodies: tuple[str, str]
@@ -53,6 +55,8 @@ class Mesh:
     reversed: bool = False
     name: str = ""
     lossy: bool = False
+    table: Points = ()
+    back_table: Points = ()
 
     @property
     def ratio(self) -> float:
@@ -86,7 +90,7 @@ class OwnPlot:
 
 @dataclass(frozen=True)
 class PlanetarySet:
-    """A simple planetary set: z_sun w_sun + z_ring w_ring = (z_sun + z_ring) w_carrier (Willis); if lossy, with an efficiency."""
+    """A simple planetary set: z_sun w_sun + z_ring w_ring = (z_sun + z_ring) w_carrier (Willis), which may lose as a mesh."""
 
     name: str
     sun: str
@@ -94,6 +98,8 @@ class PlanetarySet:
     carrier: str
     teeth: tuple[int, int]  # of sun and ring
     lossy: bool = False
+    table: Points = ()
+    back_table: Points = ()
 
     @property
     def ratio(self) -> float:
@@ -370,9 +376,12 @@ class Structure:
             if not out[name]:
                 del out[name]
         for one in (*out["meshes"], *out["planetary_sets"], *out["shafts"], *out["gears"]):  # older bags and most rigs lack these
-            for name in ("name", "lossy", "table", "hysteresis", "freewheels", "elements"):
+            for name in ("name", "lossy", "table", "back_table", "hysteresis", "freewheels", "elements"):
                 if name in one and not one[name]:
                     del one[name]
+        for one in out.get("elements", ()):
+            if not one["heat"]:
+                del one["heat"]
         return out
 
 
