@@ -229,3 +229,31 @@ def test_refuses_in_one_sentence(options, words):
     with pytest.raises(RigError, match=words) as refusal:
         bodies().shaft("s", "a", "b", **options)
     assert refusal.value.exit_code == 2 and "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(("step", "near"), [(1e-3, 2e-5), (1e-4, 2e-7)])
+def test_a_shaft_that_rubs_by_a_share_of_its_torque_swings_as_in_closed_form(step, near):
+    """Against the spring it is stiffer by the share, with it softer: V(x1) (1 + f) = V(x0) (1 - f) from one rest to the next."""
+    share, k, inertia = 0.1, 200.0, 0.5
+    d = Driveline()
+    d.inertia("a", inertia)
+    d.shaft("s", "a", "ground", stiffness=k, twist=0.3, friction=share)
+    r = run(d.build(), 2.0, step)
+    rests = [(e.t, angle[0] + 0.3) for e, angle in zip(r.events, r.event_angles) if (e.element, e.kind) == ("s friction", "cross")]
+    count = np.arange(1, len(rests) + 1)
+    swing = 0.5 * math.pi * (math.sqrt(inertia / k / (1.0 - share)) + math.sqrt(inertia / k / (1.0 + share)))
+    assert len(rests) >= 10 and [t for t, _ in rests] == pytest.approx(swing * count, abs=near)
+    assert [x for _, x in rests] == pytest.approx(0.3 * (-math.sqrt(0.9 / 1.1)) ** count, abs=0.3 * near)
+    assert r.e_fric[-1, 0] == pytest.approx(9.0 - r.stored[-1]) and closes(r)
+
+
+def test_the_friction_of_a_table_with_backlash_is_a_share_of_its_torque_and_none_in_the_play():
+    d = Driveline()
+    d.inertia("a", 0.5)
+    d.shaft("s", "a", "ground", table=([-0.2, 0.0, 0.2], [-10.0, 0.0, 40.0]), backlash=0.1, twist=0.25, friction=0.2)
+    r = run(d.build(), 1.0, 1e-3)
+    first = next(angle[0] for e, angle in zip(r.events, r.event_angles) if (e.element, e.kind) == ("s friction", "cross"))
+    # half the torque of the soft side's 50 Nm/rad counts against 200 Nm/rad over 0.2 rad
+    assert 0.5 * 50.0 * (first + 0.25 + 0.05) ** 2 * 1.2 == pytest.approx(0.5 * 200.0 * 0.2**2 * 0.8, rel=2e-5)
+    inside = np.abs(r.twists[:, 0]) < 0.05
+    assert np.abs(r.torque("s friction")[inside]).max() == 0.0 and inside.sum() > 5 and closes(r)

@@ -18,6 +18,7 @@ from rig_nodes.driveline.depending import Depending
 from rig_nodes.driveline.described import checks_arguments
 from rig_nodes.driveline.description import Efficiency, Points
 from rig_nodes.driveline.picture import svg
+from rig_nodes.driveline.tables import table_of
 from rig_nodes.driveline.ties import GROUND
 
 
@@ -197,6 +198,7 @@ class Driveline(Depending):
         table: Points | None = None,
         backlash: float = 0.0,
         hysteresis: Sequence[tuple[float, float]] = (),
+        friction: float = 0.0,
     ) -> None:
         """Add a compliant shaft: torque = stiffness * twist + damping * rate of the twist, with the rate ca w_a - cb w_b.
 
@@ -223,6 +225,9 @@ class Driveline(Depending):
             contact pushes and never pulls.
         hysteresis : sequence of (float, float)
             Springs in parallel with the shaft, each (stiffness [Nm/rad], torque [Nm]), each of which slides at its torque.
+        friction : float
+            Share of the torque of its stiffness or table with which the shaft rubs in itself, as stacked springs and belts do. This
+            is the friction element "`name` friction".
 
         Raises
         ------
@@ -243,8 +248,9 @@ class Driveline(Depending):
         for k, limit in springs:
             self._positive(f"stiffness in the hysteresis of shaft '{name}'", k)
             self._positive(f"torque in the hysteresis of shaft '{name}'", limit)
+        self._not_negative(f"friction of shaft '{name}'", friction)
         soft = table is not None or backlash > 0.0 or bool(springs)
-        if not self._states.isdisjoint((a, b)) and (soft or stiffness):
+        if not self._states.isdisjoint((a, b)) and (soft or stiffness or friction):
             raise RigError(f"driveline: shaft '{name}' joins states; it can have a damping only, with the stiffness 0")
         if table is None:
             self._not_negative(f"stiffness of shaft '{name}'", stiffness)
@@ -252,6 +258,8 @@ class Driveline(Depending):
         if soft:
             stiffness, damping = self._soft_shaft(name, table, damping, twist, backlash, springs)
         self._shafts[name] = (a, b, float(ca), float(cb), float(stiffness), float(damping), float(twist))
+        if friction > 0.0:
+            self._rubbing(name, self._soft[name][0] if soft else table_of(name, table, "straight"), friction)
 
     def clutch(
         self,

@@ -173,6 +173,17 @@ class Description:
         stiffness = (value_at(found, twist + 1e-9) - value_at(found, twist - 1e-9)) / 2e-9 + sum(k for k, _ in springs)
         return stiffness, 0.0 if abs(twist) < 0.5 * backlash else damping
 
+    def _rubbing(self, shaft: str, table: Table, share: float) -> None:
+        """Add the friction of a shaft, whose capacity is a share of the size of its torque over the twist."""
+        a, b, ca, cb, *_, twist = self._shafts[shaft]
+        rubbing = f"{shaft} friction"
+        self._element(rubbing, (a, b, ca, cb), 1.0, 0.0, False)
+        x, y = table.x, table.y
+        turns = np.flatnonzero(y[:-1] * y[1:] < 0.0)
+        zeros = x[turns] - y[turns] * (x[turns + 1] - x[turns]) / (y[turns + 1] - y[turns])
+        size = Table(np.insert(x, turns + 1, zeros), share * np.abs(np.insert(y, turns + 1, 0.0)), table.beyond)
+        self._capacities[rubbing] = (Reading(ANGLE, {a: ca, b: -cb}, start=twist),), size
+
     def _element(
         self,
         name: str,

@@ -64,6 +64,7 @@ class ShaftConfig:
     cb: float = _coefficient("second")
     twist: float = param("angle", -1e3, 1e3, "Twist of the shaft at time 0; left out, none", None)
     backlash: float = param("angle", 0.0, 10.0, "Play from contact to contact, in the middle at twist 0; left out, none", None)
+    friction: float = param("ratio", 0.0, 10.0, "Friction in it as a share of the torque of its spring; left out, none", None)
 
 
 @dataclass(frozen=True)
