@@ -134,7 +134,8 @@ class Description:
                     self._efficiencies(what, name, a, b, *((one, one) if table is tables[0] else (1.0, one)))
             self._teeth[name] = found = _both_ways(what, *tables)
             grid, least = found
-            return tuple(value_at(grid.curves[round(value_at(grid.rows, one))], 0.0) for one in (least, -least))
+            there, back = (value_at(grid.curves[round(value_at(grid.rows, one))], 0.0) for one in (least, -least))
+            return there, back
         if not 0.0 < efficiency <= 1.0:
             raise RigError(f"driveline: efficiency of {what} is {efficiency}; a number above 0, at most 1, is needed")
         if not (math.isfinite(back) and back <= 1.0):
@@ -352,7 +353,7 @@ def _efficiency_table(what: str, given: Efficiency) -> tuple[Floats, Floats, Flo
     if is_number(given):
         return np.zeros(1), np.ones(1), np.full((1, 1), float(given))
     try:
-        speeds, *torques, values = (np.array(one, float) for one in given)
+        speeds, *torques, values = (np.array(one, float) for one in cast("Surface", given))
         torques = torques[0] if torques else np.ones(1)
         values = values.reshape(len(speeds), -1) if values.ndim == 1 and len(torques) == 1 else values
     except (TypeError, ValueError, IndexError):

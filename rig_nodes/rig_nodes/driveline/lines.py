@@ -307,7 +307,7 @@ def make_lines(part: Part, attempt: int, heavy: bool, model: Model, given: Given
         elif kind == HEAT:
             heat_line(k, attempt == 0, laws, moving.own, lines)
         elif kind == TEETH:
-            teeth_line(k, laws, lines, moving.loss)
+            teeth_line(k, attempt, laws, lines, moving.loss)
         if laws.slot[k] >= 0:
             state.twist[laws.slot[k]] = 0.0
 

@@ -249,7 +249,7 @@ class ShownState(ABC):
         if driven:  # work taken by torques, motions and inputs of the description
             out["torques"] = self.entries("part_work")[0] - outside - self.entries("law_work")[0]
             speeds, system = self.entries("v"), facts.system
-            for j in np.flatnonzero(system.state_speeds):  # the work for what states hold is no energy of the driveline
+            for j in np.flatnonzero(system.state_speeds).tolist():  # the work for what states hold is no energy of the driveline
                 out["torques"] = out["torques"] + 0.5 * system.mass[j, j] * (speeds[j] * speeds[j] - system.v_start[j] ** 2)
         if facts.elements:
             out["elements"] = _sum([fric[place[name]] + visc[place[name]] for name in facts.elements])
