@@ -127,3 +127,25 @@ def test_elements_lock_break_away_and_lock_again_within_one_step(step):
         assert [kind for kind, _ in times] == ["lock", "break", "lock"]
         assert [t for _, t in times] == pytest.approx([(10.0 + k) / 120.0, 0.2, 0.3 + 6.0 / 120.0], abs=1e-12)
     assert closes(r)
+
+
+def test_a_hundred_clutches_in_a_row_bring_all_bodies_to_one_speed():
+    d = Driveline()
+    for i in range(101):
+        d.inertia(f"b{i}", 1.0, speed=100.0 * (i == 0))
+    for i in range(100):
+        d.clutch(f"c{i}", f"b{i}", f"b{i + 1}", stick=1.2)
+    r = run(d.build(), 2.0, 1e-2, {f"c{i}": 50.0 - 0.2 * i for i in range(100)})
+    assert r.speeds[-1] == pytest.approx(100.0 / 101.0) and sum(e.kind == "lock" for e in r.events) >= 100
+    assert r.speeds.sum(axis=1) == pytest.approx(100.0) and closes(r)
+
+
+def test_thirty_meshes_in_a_row_each_take_their_share():
+    """The bodies gain a together, and each mesh passes on 98 % of what arrives: 100 Nm = a (1 + 1 / 0.98 + 1 / 0.98^2 + ...)."""
+    d = Driveline()
+    for i in range(31):
+        d.inertia(f"b{i}", 1.0, speed=10.0)
+    for i in range(30):
+        d.mesh(f"m{i}", f"b{i}", f"b{i + 1}", 1.0, 0.98)
+    r = run(d.build(), 0.5, 1e-2, {"b0": 100.0})
+    assert r.speeds[-1] == pytest.approx(10.0 + 0.5 * 100.0 / sum(0.98**-i for i in range(31)), rel=1e-8) and closes(r)

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     from rig_nodes.base import Floats
 
-_MAX_ELEMENTS = 50
 _WEIGHTLESS = (
     1e-12  # share of the largest inertia that the speed of a variator has, which is prescribed; none would have no inverse
 )
@@ -68,10 +67,6 @@ class Assembly(Description):
         if not inertia.any():
             raise RigError("driveline: no body with inertia; at least one is needed")
         elements, rows = self._elements | self._mesh_elements(), self._mesh_rows()
-        if len(elements) > _MAX_ELEMENTS:
-            raise RigError(
-                f"driveline: {len(elements)} friction elements, two for each mesh or set with losses; at most {_MAX_ELEMENTS} work"
-            )
         prescribed = [next(iter(on)) for kind, on, *_ in self._acts.values() if kind == MOTION]
         balances, balanced = self._balances(bodies)
         relations = self._relations | balances

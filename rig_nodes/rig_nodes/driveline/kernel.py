@@ -464,7 +464,7 @@ def longest_part(h: float, pattern: float, structure: Structure, cap: Floats, wo
 
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
 def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss: Floats, state: State) -> int:
-    """Move a driveline with m <= 50 friction elements from t to t + h and return the number of events in the step.
+    """Move a driveline with m friction elements from t to t + h and return the number of events in the step.
 
     Parameters
     ----------
