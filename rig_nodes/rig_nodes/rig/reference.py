@@ -27,6 +27,7 @@ from .sections import (
     MeshConfig,
     ShaftConfig,
     SliderCrankConfig,
+    StateConfig,
     VariatorConfig,
 )
 from .transducer_types import TRANSDUCER_TYPES
@@ -43,6 +44,7 @@ def sections() -> dict[str, tuple[str, dict]]:
         "brakes": ("Of each brake that is no device.", _of(BrakeConfig)),
         "slider_cranks": ("Of each slider with its crank.", _of(SliderCrankConfig)),
         "variators": ("Of each gear whose ratio varies.", _of(VariatorConfig)),
+        "states": ("Of each temperature that takes in what elements lose.", _of(StateConfig)),
         **{
             f"instruments, {name}": (
                 f"Of each transducer of `type: {name}`; the names begin with the type, or with what stands under "
