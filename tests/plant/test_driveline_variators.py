@@ -84,6 +84,29 @@ def test_the_ripple_behind_a_hooke_joint():
     assert r.e_in[-1] == pytest.approx(0.5 * 0.3 * (exact[-1] ** 2 - exact[0] ** 2), abs=1e-6 * r.stored[0])
 
 
+@pytest.mark.parametrize(("step", "near"), [(1e-3, 3e-5), (1e-4, 3e-7)])
+def test_the_ripple_of_a_joint_beside_a_shaft_is_that_of_scipy(step, near):
+    """A ratio 1 + 0.06 cos 2 x of the angle x of b, which a shaft of 2000 Nm/rad joins to a load."""
+    turns = np.linspace(0.0, math.pi, 14401)
+    d = Driveline()
+    d.inertia("a", 0.4, speed=53.0)
+    d.inertia("b", 0.3, speed=50.0)
+    d.inertia("load", 0.6, speed=50.0)
+    d.variator("joint", "a", "b", table=(turns, 1.0 + 0.06 * np.cos(2.0 * turns)), period=math.pi)
+    d.shaft("s", "b", "load", stiffness=2000.0, damping=0.5)
+    r = run(d.build(), 1.0, step, {"a": 20.0, "load": -15.0})
+
+    def rate(t, y):
+        x, w, twist, load = y
+        ratio, bend = 1.0 + 0.06 * math.cos(2.0 * x), -0.12 * math.sin(2.0 * x)
+        back = 2000.0 * twist + 0.5 * (w - load)
+        gain = (20.0 * ratio - 0.4 * ratio * bend * w * w - back) / (0.3 + 0.4 * ratio * ratio)
+        return [w, gain, w - load, (back - 15.0) / 0.6]
+
+    truth = solve_ivp(rate, (0.0, 1.0), [0.0, 50.0, 0.0, 50.0], method="DOP853", rtol=1e-11, atol=1e-11, t_eval=r.t)
+    assert np.abs(r.speed("b") - truth.y[1]).max() < near * 50.0 and np.ptp(truth.y[1]) > 5.0 and closes(r)
+
+
 @pytest.mark.parametrize(("capacity", "holds"), [(79.0, False), (81.0, True)])
 def test_a_clutch_behind_a_variator_carries_what_the_change_of_ratio_takes(capacity, holds):
     """0.2 kg m2 behind a, whose speed rises with 4 1/s times 100 rad/s: 80 Nm."""
