@@ -15,7 +15,7 @@ from ..analysis import modes, write_report
 from ..base import STARTING, RigError, brief, shown_in, waiting
 from ..controllers import IN_PROCESS, load_controller
 from ..rig import POINT, RigConfig, driveline_svg, load_rig, with_overrides
-from ..runs import Ordered, Session, check_controller, check_level, load_sequence, sequence_of
+from ..runs import Ordered, Session, build_rig_fmu, check_controller, check_level, load_sequence, sequence_of
 from .run import Run
 from .simulated import simulated
 from .table import Table
@@ -242,6 +242,29 @@ class Rig:
         shapes = modes.sizes(found)
         rows = zip(found.frequencies.tolist(), found.damping.tolist(), *shapes.T.tolist())
         return Table(units, [dict(zip(units, row)) for row in rows])
+
+    def export_fmu(self, file: str | Path, *, fmi: int = 2) -> None:
+        """Write the rig with its settings as a co-simulation FMU, as `rig export fmu`; it starts this interpreter.
+
+        Parameters
+        ----------
+        file : str or Path
+            The FMU's file.
+        fmi : int
+            Version of FMI, 2 or 3.
+
+        Raises
+        ------
+        RigError
+            When the rig cannot be an FMU, or the file cannot be written.
+
+        Examples
+        --------
+        >>> rig_nodes.load("three_speed").export_fmu("three_speed.fmu", fmi=3)
+        """
+        if fmi not in (2, 3):
+            raise RigError(f"fmi is {brief(fmi)}, expected 2 or 3")
+        build_rig_fmu(file, self.source, self.settings, fmi)
 
     @property
     def gears(self) -> dict[str, float]:

@@ -170,9 +170,9 @@ def _check_place(what: str, target: Path, endings: tuple[str, ...]) -> None:
 
 
 def _fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..runs import build_rig_fmu
+    from ..api import load
 
-    build_rig_fmu(target, args.rig, settings, args.fmi)
+    load(args.rig, **settings).export_fmu(target, fmi=args.fmi)
 
 
 def _controller_fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
