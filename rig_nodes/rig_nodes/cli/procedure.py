@@ -59,9 +59,8 @@ def main(args: argparse.Namespace) -> int:
             write_report(run_into, report)
             print(format_report(report), end="\n\n", flush=True)
             members.append(member_of(series.label, run_into.name, report))
-            write_procedure(
-                folder, procedure.about, rows, members
-            )  # after each run, so that an interrupted procedure keeps what it found
+            # after each run, so that an interrupted procedure keeps what it found
+            write_procedure(folder, procedure.about, rows, members)
             if run["end"]["state"] == "interrupted":
                 print(f"rig: {run['end']['reason']}", file=sys.stderr)
                 return interrupted_code(run["end"]["reason"])
