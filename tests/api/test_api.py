@@ -152,7 +152,7 @@ def test_a_run_is_exported_as_the_command_line_does(run, tmp_path):
         ("one.xls", {}, "its ending says no kind of file; expected .csv, .parquet"),
         ("one.mf4", {"period": 0.1}, "a period is for csv and parquet"),
         ("one.parquet", {"period": 0.0}, "period is 0 s, expected at least 1 us"),
-        ("one.blf", {"units": "shown"}, "are for other files; blf holds CAN frames"),
+        ("one.blf", {"units": "shown"}, "blf holds the frames of the rig's CAN database"),
         ("two.csv", {"signals": ["p9"]}, "there is no signal 'p9'"),
     ):
         with pytest.raises(rig_nodes.RigError, match=re.escape(sentence)):
