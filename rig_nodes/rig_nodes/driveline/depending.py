@@ -54,10 +54,11 @@ class Depending(Assembly):
             Speeds [rad/s] or angles [rad], and torques [Nm]; of two quantities the points of both and the torque at each pair.
             Beyond its ends the table is flat. In a table over an angle alone, one may be given twice where the torque jumps.
         by : str or (str, str)
-            "speed" or "angle", or two of these, "ratio", "input" and "time".
+            "speed", "angle" or "state", or two of these, "ratio", "input" and "time".
         of : str, optional
-            Body whose speed or angle is used instead, or clutch or brake whose slip is used. Of two quantities one for each: of a
-            ratio the two whose speeds are divided, of an input the name that it gets (0 without that input), of the time None.
+            Body whose speed or angle is used instead, clutch or brake whose slip is used, or the state. Of two quantities one for
+            each: of a ratio the two whose speeds are divided, of an input the name that it gets (0 without that input), of the
+            time None.
         period : float, optional
             Length after which the table repeats itself.
         angle : float
@@ -93,11 +94,12 @@ class Depending(Assembly):
         element : str
             The clutch or brake.
         of : str
-            Body whose speed or angle is used, or element whose slip is used; of two quantities one for each, as that of a torque.
+            Body whose speed or angle is used, element whose slip is used, or the state; of two quantities one for each, as that
+            of a torque.
         table : pair of sequences of float, or (points (p,), points (r,), capacities (p, r))
             Speeds [rad/s] or angles [rad], and capacities [Nm]. A value below 0 counts as 0.
         by : str or (str, str)
-            "speed" or "angle", or two quantities as those of a torque.
+            "speed", "angle" or "state", or two quantities as those of a torque.
         period : float, optional
             Length after which the table repeats itself.
         angle : float
