@@ -7,7 +7,7 @@ from .arguments import Parser as Parser
 from .arrays import Floats as Floats, Ints as Ints, Record as Record
 from .atomic import MAKER as MAKER, atomic_write as atomic_write
 from .clocks import COMMAND_TIMEOUT as COMMAND_TIMEOUT, ROW as ROW, SAMPLE as SAMPLE, SAMPLE_NS as SAMPLE_NS, TICK_SAMPLES as TICK_SAMPLES
-from .compiled import ALLOCATES as ALLOCATES, Compiled as Compiled, INLINED as INLINED, INNER as INNER, STAGE as STAGE, cache_root as cache_root, cgutils as cgutils, intrinsic as intrinsic, ir as ir, njit as njit, one_record as one_record, sources_key as sources_key, types as types, use_kernel_cache as use_kernel_cache
+from .compiled import ALLOCATES as ALLOCATES, Compiled as Compiled, INLINED as INLINED, INNER as INNER, cache_root as cache_root, cgutils as cgutils, intrinsic as intrinsic, ir as ir, njit as njit, one_record as one_record, sources_key as sources_key, types as types, use_kernel_cache as use_kernel_cache
 from .config import CONFIG_DIR as CONFIG_DIR, RIGS_DIR as RIGS_DIR, RUN_FILE as RUN_FILE, TEMPLATE_DIR as TEMPLATE_DIR, load_yaml as load_yaml, package_file as package_file
 from .entry_points import Group as Group
 from .errors import DiskFull as DiskFull, BagError as BagError, RigError as RigError, Terminated as Terminated, brief as brief, ended_by as ended_by, interrupted_code as interrupted_code, no_file as no_file, not_written as not_written, printable as printable, quoted as quoted

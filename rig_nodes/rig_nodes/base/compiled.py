@@ -36,8 +36,6 @@ from .versions import version_of
 INNER = {"error_model": "numpy", "forceinline": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 ALLOCATES = {**INNER, "_nrt": True}
 INLINED = {**INNER, "forceinline": True}
-# for a stage of one caller, which numba merges into it before it compiles; as INLINED it would be optimised once more by itself
-STAGE = {**INNER, "inline": "always"}
 _records: dict = {}  # record types that were made, each with itself as the key
 _SOURCES = ("driveline", "plant", "plant/engine", "plant/friction", "plant/instruments", "plant/parts")
 

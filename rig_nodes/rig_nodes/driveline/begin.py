@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig_nodes.base import STAGE, njit
+from rig_nodes.base import INLINED, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     CLOSE,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rig_nodes.driveline.state import State, Structure
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def start_modes(t: float, scale: float, w: Floats, cap: Floats, state: State, at: Places) -> tuple[int, bool]:
     """Set the modes of elements that open, close or slip the other way at the start of a step.
 
@@ -72,7 +72,7 @@ def start_modes(t: float, scale: float, w: Floats, cap: Floats, state: State, at
     return made, joint
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def start_losses(m: int, cap: Floats, loss: Floats, work: Floats, at: Places) -> None:
     """Mark the elements that losses own, and let the last losses act."""
     for f in range(m):
@@ -83,7 +83,7 @@ def start_losses(m: int, cap: Floats, loss: Floats, work: Floats, at: Places) ->
     put_last(loss, cap)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def mark(tol: float, w: Floats, state: State, at: Places) -> None:
     """Mark as candidates all elements that do not slip."""
     for f in range(state.mode.shape[0]):
@@ -94,7 +94,7 @@ def mark(tol: float, w: Floats, state: State, at: Places) -> None:
                 state.work[at.candidate + f] = 1.0
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def begin_step(t: float, structure: Structure, cap: Floats, loss: Floats, state: State, at: Places) -> tuple[float, int, bool]:
     """Clear what a step adds up in the work buffer, let the last losses act and set the modes at the start.
 

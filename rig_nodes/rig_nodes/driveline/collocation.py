@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rig_nodes.base import INLINED, INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import (
     E_FRIC,
     E_SHAFT,
@@ -203,7 +203,7 @@ def push_back(gain: int, twist: int, factor: float, to: int, structure: Structur
                 work[to + j] -= w[f, j] * torque
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def change_by_nodes(d: float, structure: Structure, cap: Floats, mode: Ints, work: Floats, at: Places) -> None:
     """Set the change of the speeds over a part d, and slips and torques at its end and their means."""
     w, n = structure.w, structure.w.shape[1]
@@ -281,7 +281,7 @@ def squared(start: float, rows: Floats, a: int, work: Floats, at: Places) -> flo
     return total
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def take_by_nodes(d: float, xa: float, xb: float, structure: Structure, loads: Loads, state: State, at: Places) -> None:
     """Move shafts and friction elements by a sub-step of d, from share xa to xb of the step, and add the work of the forces.
 

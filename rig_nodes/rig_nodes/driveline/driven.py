@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base import STAGE, njit
+from rig_nodes.base import INLINED, njit
 from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, places
 from rig_nodes.driveline.inputs import SAME
 from rig_nodes.driveline.law_steps import jumped, settled_step_at
@@ -120,7 +120,7 @@ def driven_arrays(system: System, inputs: Mapping[str, Table]) -> dict[str, np.n
     }
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def next_bend(tables: Tables, t: float, done: float, h: float) -> float:
     """Return the time from t at which a step of h, of which a part is done, has to end because of a point of a table over time."""
     end, near = h, SAME * h
@@ -131,7 +131,7 @@ def next_bend(tables: Tables, t: float, done: float, h: float) -> float:
     return end
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def put_inputs(over_time: OverTime, t: float, begin: float, end: float, given: Given) -> None:
     """Set factors, capacities and forces to the inputs over time at both ends of a part of a step, from t + begin to t + end."""
     cap, stick = given.loads.cap, over_time.stick

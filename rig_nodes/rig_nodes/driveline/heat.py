@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig_nodes.base import INLINED, STAGE, njit
+from rig_nodes.base import INLINED, njit
 from rig_nodes.driveline.algebra import E_FRIC, E_SHAFT, E_VISC, places
 from rig_nodes.driveline.contacts import sliding_heat
 from rig_nodes.driveline.laws import SHAFT
@@ -36,7 +36,7 @@ def heat_line(k: int, first: bool, laws: Laws, own: LawState, lines: Lines) -> N
         q[1, j] += lines.torque[k] * on[k, j]
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def heat_error(k: int, d: float, laws: Laws, moving: Moving, before: State, lines: Lines) -> tuple[float, float]:
     """Return (error, scale) of the power of a HEAT after a part of d of a step, and set it to the power that was lost."""
     state, source = moving.state, laws.element[k]

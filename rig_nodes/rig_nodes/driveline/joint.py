@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base import INLINED, INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     BREAK,
@@ -257,7 +257,7 @@ def carried(cap: Floats, f: int, mode: float, x: float) -> float:
     return mode * lin(cap[KIN0, f], cap[KIN1, f], x)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def first_set(mode: Ints, work: Floats, at: Places) -> bool:
     """Set the modes that are tried first, and return whether they are the present ones; otherwise all candidates stick."""
     kept = True
@@ -278,7 +278,7 @@ def stick_all(m: int, work: Floats, at: Places) -> None:
             work[at.state + f] = STUCK
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def sets_of(losses: int, cap: Floats, work: Floats, at: Places) -> int:
     """Return how many sets of modes are tried one by one where the pivots do not end; 0 without losses or above MOST_SETS."""
     sets = 1 if losses > 0 else 0
@@ -288,7 +288,7 @@ def sets_of(losses: int, cap: Floats, work: Floats, at: Places) -> int:
     return sets
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def release(f: int, direction: float, structure: Structure, work: Floats, at: Places) -> None:
     """Let a candidate slip in the direction of its overload, or carry its limit where others prevent that."""
     work[at.state + f] = direction
@@ -298,7 +298,7 @@ def release(f: int, direction: float, structure: Structure, work: Floats, at: Pl
         work[at.state + f] = 3.0 * direction
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def choose_set(number: int, m: int, cap: Floats, work: Floats, at: Places) -> None:
     """Set the modes of one of the sets that are tried one by one; before the first the last modes of the pivots are kept."""
     left = number
@@ -313,7 +313,7 @@ def choose_set(number: int, m: int, cap: Floats, work: Floats, at: Places) -> No
             work[at.state + f] = STUCK
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def hold_back(trying: bool, structure: Structure, work: Floats, at: Places) -> bool:
     """Let candidates carry their limit where others prevent their slip; return whether one slips that does not any more."""
     changed = False
@@ -330,7 +330,7 @@ def hold_back(trying: bool, structure: Structure, work: Floats, at: Places) -> b
     return changed
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def forces_of_set(x: float, structure: Structure, loads: Loads, loss: Floats, state: State, at: Places) -> None:
     """Set the forces on the speeds, and the torques on which losses depend, without stuck elements and losses."""
     w, sh, kc, cap, work, n = structure.w, structure.sh, structure.kc, loads.cap, state.work, state.v.shape[0]
@@ -356,7 +356,7 @@ def forces_of_set(x: float, structure: Structure, loads: Loads, loss: Floats, st
                 work[at.force + j] -= w[f, j] * torque
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def losses_of_set(structure: Structure, loss: Floats, state: State, at: Places) -> bool:
     """Set NEXT to the losses of the set that is tried; return False where they have no solution."""
     w, work, count, n = structure.w, state.work, loss.shape[0], state.v.shape[0]
@@ -381,7 +381,7 @@ def losses_of_set(structure: Structure, loss: Floats, state: State, at: Places) 
     return solve_losses(loss, state.v, work, at.given, at.fall, at.newton)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def brake_set(w: Floats, cap: Floats, loss: Floats, work: Floats, at: Places) -> None:
     """Let the losses of the set that is tried act."""
     for k in range(loss.shape[0]):
@@ -417,7 +417,7 @@ def overload(f: int, x: float, cap: Floats, work: Floats, at: Places) -> tuple[f
     return 0.0, 0.0
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def most_overloaded(x: float, least: bool, w: Floats, cap: Floats, work: Floats, at: Places) -> tuple[int, float]:
     """Return the most overloaded stuck candidate, or the first one (least), -1 without one, and the direction of its overload."""
     m, n = w.shape
@@ -434,7 +434,7 @@ def most_overloaded(x: float, least: bool, w: Floats, cap: Floats, work: Floats,
     return worst, worst_dir
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def moves_back(x: float, least: bool, structure: Structure, loads: Loads, losses: int, work: Floats, at: Places) -> int:
     """Return the released candidate that moves most against its friction, or the first one (least), -1 without one."""
     w, cap, n, back, back_by = structure.w, loads.cap, structure.w.shape[1], -1, 0.0
@@ -458,7 +458,7 @@ def moves_back(x: float, least: bool, structure: Structure, loads: Loads, losses
     return back
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def certain(x: float, w: Floats, cap: Floats, work: Floats, at: Places) -> bool:
     """Return whether each element that carries its limit would exceed it if it stuck."""
     sure = True
@@ -470,7 +470,7 @@ def certain(x: float, w: Floats, cap: Floats, work: Floats, at: Places) -> bool:
     return sure
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def keep_last(tried: bool, structure: Structure, work: Floats, at: Places) -> None:
     """Take the last modes of the pivots, where no set was consistent; tried is whether sets were tried after them."""
     w, minv = structure.w, structure.minv
@@ -483,7 +483,7 @@ def keep_last(tried: bool, structure: Structure, work: Floats, at: Places) -> No
             work[at.state + f] = FORWARD if work[at.state + f] > 0.0 else BACKWARD
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def change_modes(t: float, w: Floats, state: State, at: Places) -> int:
     """Give the candidates the modes that were found, take the slip of rounding off stuck ones; return the number of events."""
     mode, work, made = state.mode, state.work, 0

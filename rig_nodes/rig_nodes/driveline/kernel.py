@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base import INLINED, INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_FRIC,
@@ -125,7 +125,7 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
     return -b / a if b > 0.0 else 0.0
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def start_forces(x: float, structure: Structure, loads: Loads, state: State, at: Places) -> float:
     """Set forces, accelerations, slips and torques at the start of a sub-step, share x of the step; return the pattern.
 
@@ -180,7 +180,7 @@ def share_at(d: float, span: Span) -> float:
     return 1.0 if ends(d, span) else (span.done + d) / span.h
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats, state: State) -> None:
     """Set the change of the forces, and the torques at the end, over a sub-step of d before losses and anything implicit.
 
@@ -213,7 +213,7 @@ def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss
             work[at.dforce + j] -= sh[a, j] * torque
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def losses_at_end(d: float, structure: Structure, cap: Floats, loss: Floats, state: State) -> bool:
     """Set NEXT to the losses at the end of a sub-step of d, from its forces without them; return False where there are none."""
     if structure.sh.shape[0] > 0:
@@ -221,7 +221,7 @@ def losses_at_end(d: float, structure: Structure, cap: Floats, loss: Floats, sta
     return end_losses(d, structure, cap, loss, state)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def brake_meshes(structure: Structure, cap: Floats, loss: Floats, state: State, at: Places) -> None:
     """Add the losses at the end of a sub-step to torques and forces."""
     work = state.work
@@ -234,7 +234,7 @@ def brake_meshes(structure: Structure, cap: Floats, loss: Floats, state: State, 
             work[at.dforce + j] -= structure.w[f, j] * torque
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def change_speeds(d: float, structure: Structure, cap: Floats, state: State, at: Places) -> None:
     """Set the change of the speeds over a sub-step of d, and the slips and torques of stuck elements at its end."""
     w, work, n = structure.w, state.work, state.v.shape[0]
@@ -266,7 +266,7 @@ def room_left(torque: float, sign: int, cap: Floats, f: int, x: float) -> float:
     return high(cap, f, x) - torque if sign > 0 else torque - low(cap, f, x)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def first_event(
     d: float, hit: int, side: int, span: Span, structure: Structure, cap: Floats, loss: Floats, state: State
 ) -> tuple[float, int, int, float, float]:
@@ -326,7 +326,7 @@ def first_event(
     return first, who, way, gap, again
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def sub_step(span: Span, structure: Structure, loads: Loads, loss: Floats, state: State) -> tuple[float, int, int, bool, bool, int]:
     """Solve the longest sub-step in which no mode changes, from what `start_forces` has set.
 
@@ -405,7 +405,7 @@ def sub_step(span: Span, structure: Structure, loads: Loads, loss: Floats, state
     return d, hit, side, missed, shorter, jams
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def take_elements(d: float, cap: Floats, mode: Ints, el: Floats, work: Floats, at: Places) -> None:
     """Set the friction torques at the end of a sub-step without shafts, and add impulses and heat."""
     for f in range(mode.shape[0]):
@@ -418,7 +418,7 @@ def take_elements(d: float, cap: Floats, mode: Ints, el: Floats, work: Floats, a
         el[E_VISC, f] += d * cap[VISC, f] * slip * slip
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats, state: State) -> None:
     """Move the state by the sub-step of d that has been solved."""
     q, mode, v, twist, work = loads.q, state.mode, state.v, state.twist, state.work
@@ -452,7 +452,7 @@ def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats,
         unslip(v, mode.shape[0], mode, int(0), at.slip1, at.r, work)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def longest_part(h: float, pattern: float, structure: Structure, cap: Floats, work: Floats) -> float:
     """Return the longest sub-step of a step h, which shafts divide."""
     if structure.sh.shape[0] == 0:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base import ALLOCATES, INNER, STAGE, njit, types
+from rig_nodes.base import ALLOCATES, INLINED, INNER, njit, types
 from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED, WORST, noinline, places
 from rig_nodes.driveline.bends import bend_inside, lets_go, longest_part
 from rig_nodes.driveline.calls import address_of, bare_step, call_of, step_types
@@ -101,7 +101,7 @@ def law_step(model: Model, given: Given, moving: Moving, h: float, t: float) -> 
     return met
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def prescribe(part: Part, laws: Laws, factors: Floats, v: Floats, lines: Lines, moved: Floats, gains: Floats) -> bool:
     """Set which speeds are prescribed (n,), and their accelerations (2, n) at both ends of a part; return if a ratio varies."""
     geared = False
@@ -120,7 +120,7 @@ def prescribe(part: Part, laws: Laws, factors: Floats, v: Floats, lines: Lines, 
     return geared
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def first_bend(since: float, d: float, laws: Laws, lines: Lines, inverse: Floats, before: Floats, after: Floats) -> float:
     """Return the time of the first bend that a shaft passes, at most ``since``; with the speeds at both ends of a part of d."""
     for k in range(laws.kind.shape[0]):
@@ -132,7 +132,7 @@ def first_bend(since: float, d: float, laws: Laws, lines: Lines, inverse: Floats
     return since
 
 
-@njit(**STAGE)
+@njit(**ALLOCATES)
 def leave_motions(
     d: float, broken: bool, mass: Floats, structure: Structure, loads: Loads, laws: Laws, moving: Moving, before: State
 ) -> None:
@@ -181,7 +181,7 @@ def leave_motions(
         own.work[0] += work_of(mass, structure.kc, before, state, twist0, others)
 
 
-@njit(**STAGE)
+@njit(**ALLOCATES)
 def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool, cut: bool) -> float:
     """Take a part of a step and return its length d if the laws are met.
 
@@ -253,7 +253,7 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
     return d
 
 
-@njit(**STAGE)
+@njit(**ALLOCATES)
 def settle(model: Model, given: Given, moving: Moving, d: float, t: float) -> None:
     """Set the losses by torque to those that belong to the inputs at the start of a step, where these have jumped."""
     state, own, loads = moving.state, moving.own, Loads(given.loads.q.copy(), given.loads.cap.copy())

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base import ALLOCATES, INLINED, INNER, STAGE, njit
+from rig_nodes.base import ALLOCATES, INLINED, INNER, njit
 from rig_nodes.driveline.algebra import E_FRIC, E_SHAFT, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, TAU, VISC, lin, noinline
 from rig_nodes.driveline.contacts import contact_damping, sliding_heat, spring_with_friction
 from rig_nodes.driveline.heat import heat_error, heat_line
@@ -156,7 +156,7 @@ def share_of(first: float, last: float, begin: float, end: float) -> tuple[float
     return lin(first, last, begin), lin(first, last, end)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def expect(part: Part, laws: Laws, factors: Floats, own: LawState, v: Floats, lines: Lines) -> tuple[bool, bool]:
     """Set the arguments and their expected changes over a part; return if there are inertias, and motions or varying ratios."""
     heavy = driven = False
@@ -260,7 +260,7 @@ def inertia_line(k: int, first: bool, laws: Laws, v: Floats, lines: Lines) -> No
             lines.held[i, j] += lines.other[k] * on[k, i] * on[k, j]
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def make_lines(part: Part, attempt: int, heavy: bool, model: Model, given: Given, moving: Moving, lines: Lines) -> None:
     """Set what the bare step gets for a part of a step; the twists of laws with a row begin at 0.
 
@@ -378,7 +378,7 @@ def change_of(k: int, laws: Laws, before: State, state: State, lines: Lines) -> 
     return turned_by(k, laws, before, state, lines.kc.shape[1])
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def worst_law(part: Part, model: Model, given: Given, moving: Moving, before: State, lines: Lines) -> int:
     """Return the law whose line is furthest from that for the change of its argument in a part of a step; -1 where all are met.
 
@@ -458,7 +458,7 @@ def value_after(k: int, laws: Laws, lines: Lines) -> float:
     return value(laws.tables, k, x) if s < 0 else over_two(laws.tables, s, x, lines.start[s] + lines.way[s])[0]
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def leave_lines(part: Part, laws: Laws, given: Given, moving: Moving, before: State, lines: Lines) -> None:
     """Set the state of the laws after a part of a step."""
     own, state, factors = moving.own, moving.state, given.factors

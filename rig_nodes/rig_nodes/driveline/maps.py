@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from rig_nodes.base import INLINED, INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import lin, noinline
 from rig_nodes.driveline.laws import ANGLE, RATIO, SPEED, TIME, Laws
 from rig_nodes.driveline.motion import product
@@ -74,7 +74,7 @@ def implicit_slopes(k: int, by_x: float, by_u: float, laws: Laws, u: float, v: F
     return stiff, damp
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def map_line(k: int, part: Part, first: bool, factors: Floats, laws: Laws, moving: Moving, lines: Lines) -> None:
     """Put a torque over two arguments on the speeds, and its slopes into its row where it has one.
 
@@ -105,7 +105,7 @@ def map_line(k: int, part: Part, first: bool, factors: Floats, laws: Laws, movin
         q[1, j] += push1 * on[j]
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def map_error(
     k: int, part: Part, dx: float, factors: Floats, laws: Laws, before: State, state: State, lines: Lines
 ) -> tuple[float, float]:

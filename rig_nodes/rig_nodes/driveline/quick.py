@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rig_nodes.base import INLINED, STAGE, njit, types
+from rig_nodes.base import INLINED, njit, types
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_FRIC,
@@ -96,7 +96,7 @@ if TYPE_CHECKING:
 TRIES = 6  # most Newton steps; a step that needs more is left to driven_step
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def make_matrix(q: Quick) -> None:
     """Compute H = (I + h/2 P B)^-1 P of the work buffer, with room for a matrix beside it.
 
@@ -274,7 +274,7 @@ def accelerated(q: Quick, i: int, row: int) -> float:
     return sum_at(q.state.work, q.op + i * q.by_speed.shape[1], q.by_speed, row)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def solve(q: Quick, before: bool) -> bool:
     """Find the change of the speeds over the step by Newton's method; return False where an event is possible or it is not found.
 
@@ -406,7 +406,7 @@ def accelerate(q: Quick, cap: Floats, accel: Floats) -> None:
         accel[i] = total
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def start(layout: Ints, h: float, t: float, q: Quick, before: Before) -> float:
     """Set torques, capacities and inputs of laws at both ends; return 1 plus the largest speed, 0 where an event is possible."""
     parts, loss, over_time = loads_at(layout), q.loss, over_time_at(layout)
@@ -432,7 +432,7 @@ def start(layout: Ints, h: float, t: float, q: Quick, before: Before) -> float:
     return 1.0 + scale
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def quick_of(layout: Ints, h: float) -> Quick:
     """Return the arrays of the record in the form that the quick step needs."""
     given, room, laws, loss = structure_at(layout), room_at(layout), laws_at(layout), loss_at(layout)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base import INLINED, INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import BACKWARD, FORWARD, HI0, HI1, KIN0, KIN1, LO0, LO1, VISC, Places, noinline, short_loops
 from rig_nodes.driveline.laws import CAPACITY, FRICTION, GEARING, INERTIA, MOTION, SHAFT, TORQUE, Laws, LawState
 from rig_nodes.driveline.lines import CLOSE
@@ -178,7 +178,7 @@ def on_piece(k: int, x: float, by_law: Floats) -> bool:
     return by_law[BEGIN, k] <= x <= by_law[END, k]
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def put_lines(q: Quick) -> None:
     """Set the straight lines that replace the laws in the step, for the expected changes of their arguments."""
     work = q.state.work
@@ -350,7 +350,7 @@ def torque_error(k: int, moved: float, q: Quick) -> tuple[float, float]:
     return error, 1.0 + abs(by_law[TORQUE_, k]) + abs(asked * moved)
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def are_met(q: Quick) -> bool:
     """Return whether the lines are those for the changes of the arguments, which are expected from now on."""
     met, h = True, q.h
@@ -407,7 +407,7 @@ def leave_torque(k: int, q: Quick) -> None:
         work[0] -= 0.5 * kc[0, place] * dx * dx + q.h * kc[1, place] * mid * mid
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def leave_laws(q: Quick) -> None:
     """Set the state of the laws at the step's end and add their torques then to the forces.
 

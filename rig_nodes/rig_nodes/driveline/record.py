@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base import INLINED, STAGE, cgutils, intrinsic, njit, types
+from rig_nodes.base import ALLOCATES, INLINED, cgutils, intrinsic, njit, types
 from rig_nodes.driveline.laws import Laws, LawState
 from rig_nodes.driveline.losses import WEIGHTS
 from rig_nodes.driveline.state import Loads, State, Structure
@@ -211,7 +211,7 @@ def begin_of(layout: Ints) -> int:
     return int(np.int64(layout.ctypes.data))
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def structure_at(layout: Ints) -> Structure:
     """Return the structure of a driveline's record."""
     base, n, m, slots = begin_of(layout), layout[0], layout[1], layout[2]
@@ -223,20 +223,20 @@ def structure_at(layout: Ints) -> Structure:
     )
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def loads_at(layout: Ints) -> Loads:
     """Return the loads of a driveline's record."""
     base = begin_of(layout)
     return Loads(floats(base + layout[AT.q], 2, layout[0]), floats(base + layout[AT.cap], 7, layout[1]))
 
 
-@njit(**STAGE)
+@njit(**ALLOCATES)  # without references counted numba returns only arrays that were given
 def loss_at(layout: Ints) -> Floats:
     """Return the losses by torque of a driveline's record."""
     return floats(begin_of(layout) + layout[AT.loss], layout[3], WEIGHTS + layout[1] + layout[0])
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def state_at(layout: Ints) -> State:
     """Return the state of a driveline's record; the length of its work buffer is not right, as nothing reads it."""
     base, n, m, slots = begin_of(layout), layout[0], layout[1], layout[2]
@@ -253,7 +253,7 @@ def state_at(layout: Ints) -> State:
     )
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def laws_at(layout: Ints) -> Laws:
     """Return the laws of a driveline's record; the lengths of points and values are not right, as nothing reads them."""
     base, n, laws = begin_of(layout), layout[0], layout[4]
@@ -280,7 +280,7 @@ def laws_at(layout: Ints) -> Laws:
     )
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def own_at(layout: Ints) -> LawState:
     """Return the state of the laws in a driveline's record."""
     base, laws = begin_of(layout), layout[4]
@@ -293,7 +293,7 @@ def own_at(layout: Ints) -> LawState:
     )
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def over_time_at(layout: Ints) -> OverTime:
     """Return the inputs over time of a driveline's record; the lengths of points and values are not right."""
     base, inputs = begin_of(layout), layout[5]
@@ -313,7 +313,7 @@ def over_time_at(layout: Ints) -> OverTime:
     )
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def before_at(layout: Ints) -> Before:
     """Return what a driveline's record has of the end of the last step."""
     base = begin_of(layout)
@@ -324,14 +324,14 @@ def before_at(layout: Ints) -> Before:
     )
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def outcome_at(layout: Ints) -> Outcome:
     """Return what a rig reads of a driveline's record after a step."""
     base = begin_of(layout)
     return Outcome(floats(base + layout[AT.part_work], 1), floats(base + layout[AT.accel], layout[0]))
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def room_at(layout: Ints) -> Room:
     """Return the room of a quick step in a driveline's record."""
     base, n, m, slots = begin_of(layout), layout[0], layout[1], layout[2]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig_nodes.base import INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import LAM, noinline
 from rig_nodes.driveline.losses import OWN, SHARE, WEIGHTS, loss_share
 from rig_nodes.driveline.tables import over_two
@@ -36,7 +36,7 @@ def efficiencies(k: int, x: float, u: float, laws: Laws) -> tuple[float, float]:
     return there, back
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def teeth_line(k: int, attempt: int, laws: Laws, lines: Lines, loss: Floats) -> None:
     """Give the loss of a mesh the efficiencies that are expected at the end of a part.
 
@@ -53,7 +53,7 @@ def teeth_line(k: int, attempt: int, laws: Laws, lines: Lines, loss: Floats) -> 
             loss[row, SHARE], loss[row, WEIGHTS + own] = share, -before
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def teeth_error(k: int, dx: float, laws: Laws, state: State, lines: Lines) -> tuple[float, float]:
     """Return (error, scale) of the loss of a mesh after a part of a step in which the speed has changed by dx.
 

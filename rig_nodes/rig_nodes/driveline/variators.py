@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig_nodes.base import INNER, STAGE, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import lin, noinline
 from rig_nodes.driveline.motion import product
 from rig_nodes.driveline.tables import line, piece, value
@@ -35,7 +35,7 @@ def own_speed(row: Floats) -> int:
     return last
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def ratio_line(k: int, part: Part, first: bool, factors: Floats, model: Model, moving: Moving, lines: Lines) -> None:
     """Put the ratio of a part of a step into the row of the element of a gear, and set its speed z and the accelerations of this.
 
@@ -71,7 +71,7 @@ def ratio_line(k: int, part: Part, first: bool, factors: Floats, model: Model, m
         lines.w[f, j] = w[f, j] - (ratio - laws.gap[k]) * on[j]
 
 
-@njit(**STAGE)
+@njit(**INLINED)
 def ratio_error(k: int, part: Part, dx: float, factors: Floats, model: Model, state: State, lines: Lines) -> tuple[float, float]:
     """Return (error, scale) of the speed of a gear's a after a part of a step in which what its ratio follows has changed by dx."""
     laws, w, f = model.laws, model.structure.w, model.laws.element[k]
