@@ -320,7 +320,7 @@ def test_c_and_cpp_files_become_one_fmu_wherever_they_stand(config, tmp_path, mo
     for wrong, sentence in (
         ("a.cpp", "a.cpp:2:10: fatal error: gain.h: No such file or directory"),
         ("headers/gain.h", "headers/gain.h: expected a source file that ends in .c, .cpp, .cc, .cxx"),
-        ("a.cpp -I nowhere", "--include nowhere: there is no such folder"),
+        ("a.cpp -I nowhere", "include nowhere: there is no such folder"),
     ):
         assert main(["export", "controller-fmu", *wrong.split(), "-o", "other.fmu"]) == 2
         assert sentence in capsys.readouterr().err and not (tmp_path / "other.fmu").exists()

@@ -4,6 +4,7 @@
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
 from .checks import assert_events as assert_events, assert_never as assert_never, assert_shift as assert_shift, assert_stays as assert_stays
+from .checked import checked as checked
 from .compared import Compared as Compared
 from .exported import exported as exported
 from .opened import imported as imported, open as open

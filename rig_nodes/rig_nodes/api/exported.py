@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run as a file of another kind: what ``Run.export`` and `rig export` write."""
+"""A run or a rig as a file of another kind: what ``Run.export``, ``Rig.export`` and `rig export` write."""
 
 from __future__ import annotations
 
@@ -9,13 +9,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..bags import FILE_KINDS, Order, Signals, export
-from ..base import RigError, quantity
+from ..base import RigError, atomic_write, quantity
+from ..controllers import csv_text, dbc_text, header_text, markdown_text, record_of
+from ..rig import check_gearbox
 from ..runs import WRITERS, export_can_log
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from ..rig import RigConfig
+
     Progress = Callable[[float, str], None]  # time [s] up to which the run is read, and a text
+
+
+OF_RIGS = {  # ending of a file -> what it is, as `rig export` calls it, and its content
+    ".dbc": ("dbc", dbc_text),
+    ".csv": ("registers", csv_text),
+    ".md": ("registers", markdown_text),
+    ".h": ("record", header_text),
+}
 
 
 class Exported(NamedTuple):
@@ -92,3 +104,12 @@ def exported(
     progress = watch(found.last / 1e9) if watch else None
     export(kind, Order(found, target, None if seconds is None else round(seconds * 1e9), progress))
     return Exported(target, sum(len(group.columns) for group in found.groups), found.left_out, found.cut_off)
+
+
+def export_rig(config: RigConfig, file: Path) -> None:
+    """Write what a controller needs to know of a rig, of the kind that the file's ending says; as ``Rig.export``."""
+    if (kind := OF_RIGS.get(file.suffix.lower())) is None:
+        raise RigError(f"{file}: its ending says no kind of file of a rig; expected {', '.join(OF_RIGS)}")
+    what, text = kind
+    check_gearbox(config, f"export {what}")
+    atomic_write(file, text(record_of(config)))

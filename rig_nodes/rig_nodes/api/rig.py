@@ -12,10 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis import modes, write_report
-from ..base import STARTING, RigError, brief, shown_in, waiting
+from ..base import STARTING, RigError, atomic_write, brief, not_written, shown_in, waiting
 from ..controllers import IN_PROCESS, load_controller
-from ..rig import POINT, RigConfig, driveline_svg, load_rig, with_overrides
-from ..runs import Ordered, Session, build_rig_fmu, check_controller, check_level, load_sequence, sequence_of
+from ..rig import POINT, RigConfig, check_gearbox, driveline_svg, load_rig, with_overrides
+from ..runs import Ordered, Session, build_controller_fmu, build_rig_fmu, check_controller, check_level, load_sequence, sequence_of
+from .checked import checked
+from .exported import export_rig
+from .given import path_of
 from .run import Run
 from .simulated import simulated
 from .table import Table
@@ -262,9 +265,125 @@ class Rig:
         --------
         >>> rig_nodes.load("three_speed").export_fmu("three_speed.fmu", fmi=3)
         """
-        if fmi not in (2, 3):
-            raise RigError(f"fmi is {brief(fmi)}, expected 2 or 3")
-        build_rig_fmu(file, self.source, self.settings, fmi)
+        build_rig_fmu(path_of("file", file), self.source, self.settings, _fmi(fmi))
+
+    def export_controller_fmu(
+        self, sources: Sequence[str | Path], file: str | Path, *, fmi: int = 2, include: Sequence[str | Path] = ()
+    ) -> None:
+        """Write a controller in C or C++ for this rig as a co-simulation FMU, as `rig export controller-fmu`.
+
+        Parameters
+        ----------
+        sources : sequence of str or Path
+            The files with the functions of rig_controller.h.
+        file : str or Path
+            The FMU's file.
+        fmi : int
+            Version of FMI, 2 or 3.
+        include : sequence of str or Path
+            Folders of headers.
+
+        Raises
+        ------
+        RigError
+            When the rig has no gears, a source or folder is missing or does not compile, or the file cannot be written.
+
+        Examples
+        --------
+        >>> rig_nodes.load("hydmag").export_controller_fmu(["my_controller.c"], "my_controller.fmu")
+        Traceback (most recent call last):
+        rig_nodes.base.errors.RigError: my_controller.c: there is no such file
+        """
+        for name, paths in (("sources", sources), ("include", include)):
+            if isinstance(paths, str) or not isinstance(paths, Sequence):
+                raise RigError(f"{name} is {brief(paths)}, expected a list of paths")
+        check_gearbox(self.config, "export controller-fmu")
+        if not sources:
+            raise RigError("export controller-fmu needs the C file of your controller, e.g. my_controller.c")
+        folders = [path_of("include", folder) for folder in include]
+        for folder in folders:
+            if not folder.is_dir():
+                raise RigError(f"include {folder}: there is no such folder")
+        flags, files = [f"-I{folder}" for folder in folders], [path_of("sources", one) for one in sources]
+        build_controller_fmu(files, path_of("file", file), self.config, _fmi(fmi), flags)
+
+    def export(self, file: str | Path) -> None:
+        """Write what a controller outside needs to know of the rig, as `rig export`, of the kind that the file's ending says.
+
+        Parameters
+        ----------
+        file : str or Path
+            The file, which replaces an older one: .dbc, the CAN database; .csv or .md, the Modbus registers; .h, the record of
+            the rig for C and C++.
+
+        Raises
+        ------
+        RigError
+            When there is no such kind, the rig has no gears, or the file cannot be written.
+
+        Examples
+        --------
+        >>> rig_nodes.load("hydmag").export("registers.csv")
+        >>> print(Path("registers.csv").read_text().splitlines()[0])
+        address,name,access,type,...
+        """
+        export_rig(self.config, path_of("file", file))
+
+    def check(self) -> list[str]:
+        """Check the rig and the sequences, rows and calibration in its folder, as `rig check`.
+
+        Returns
+        -------
+        list of str
+            A line for each thing that the rig has; where its results would lack, one that begins with ``warning:``.
+
+        Raises
+        ------
+        RigError
+            At the first thing that is not right, with its file and line.
+
+        Examples
+        --------
+        >>> lines = rig_nodes.load("ural2").check()
+        >>> lines[0], [line for line in lines if line.startswith("warning:")]
+        ('ural2: ...', [])
+        """
+        return list(checked(self.source, self.config))
+
+    def draw(self, file: str | Path) -> bool:
+        """Write the picture of the driveline, as `rig check --picture`.
+
+        Parameters
+        ----------
+        file : str or Path
+            The file, an .svg.
+
+        Returns
+        -------
+        bool
+            False when the file holds this picture already, and is left alone.
+
+        Raises
+        ------
+        RigError
+            When the file has another ending or cannot be written.
+
+        Examples
+        --------
+        >>> rig = rig_nodes.load("ural2")
+        >>> rig.draw("driveline.svg"), rig.draw("driveline.svg")
+        (True, False)
+        """
+        path, drawn = path_of("file", file), driveline_svg(self.config).encode()
+        if path.suffix.lower() != ".svg":
+            raise RigError(f"{path}: the picture of a driveline is a file that ends in .svg")
+        try:
+            if path.is_file() and path.read_bytes() == drawn:  # of an installed rig, whose folder may be another user's
+                return False
+            atomic_write(path, drawn)
+        except OSError as error:
+            raise not_written(path, error) from None
+        return True
 
     @property
     def gears(self) -> dict[str, float]:
@@ -345,6 +464,12 @@ def spec_of(controller: str | type | None) -> str | None:
     """Return a controller as after ``--controller``; a class runs in its caller's process."""
     own = isinstance(controller, type)
     return f"python:{controller.__module__}:{controller.__qualname__}{IN_PROCESS}" if own else controller
+
+
+def _fmi(version: object) -> int:
+    if version not in (2, 3):
+        raise RigError(f"fmi is {brief(version)}, expected 2 or 3")
+    return int(version)
 
 
 def _seed(seed: object) -> int:

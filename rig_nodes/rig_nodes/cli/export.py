@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable
 
-    from ..controllers import ControllerRecord
-
 INTERMIXED = True  # files may come before and behind options
 HELP = "write a run as CSV, Parquet, MDF4, MAT or CAN log; an FMU, the CAN database, the Modbus registers or rig_record.h"
 RUNS = ("csv", "parquet", "mf4", "mat")
@@ -97,15 +95,10 @@ def main(args: argparse.Namespace) -> int:
         raise RigError(f"export {args.what} takes no files; found {' '.join(args.sources)}")
     if args.include and args.what != "controller-fmu":
         raise RigError(f"export {args.what} takes no folders of headers; found {' '.join(args.include)}")
-    for folder in args.include:
-        if not Path(folder).is_dir():
-            raise RigError(f"--include {folder}: there is no such folder")
-    if args.what == "controller-fmu" and not args.sources:
-        raise RigError("export controller-fmu needs the C file of your controller, e.g. my_controller.c")
-    source = Path(args.sources[0]).stem if args.sources else ""
+    source = Path(args.sources[0]).stem if args.sources else "controller"
     target = args.out or Path(DEFAULTS[args.what].format(rig=rig_name(find_config("rigs", args.rig)), source=source))
     may_write("-o", target, KINDS[args.what], args)
-    _WRITERS[args.what](args, target, parse_settings(args.settings))
+    _of_rig(args, target, parse_settings(args.settings))
     print(f"written to {target}")
     return 0
 
@@ -169,48 +162,14 @@ def _check_place(what: str, target: Path, endings: tuple[str, ...]) -> None:
         raise RigError(f"-o {target}: there is no folder {target.parent}")
 
 
-def _fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
+def _of_rig(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
+    """Write what is made of a rig with its settings."""
     from ..api import load
 
-    load(args.rig, **settings).export_fmu(target, fmi=args.fmi)
-
-
-def _controller_fmu(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..rig import load_gearbox_rig
-    from ..runs import build_controller_fmu
-
-    config = load_gearbox_rig(args.rig, settings, "export controller-fmu")
-    build_controller_fmu(args.sources, target, config, args.fmi, [f"-I{folder}" for folder in args.include])
-
-
-def _dbc(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..base import atomic_write
-    from ..controllers import dbc_text
-
-    atomic_write(target, dbc_text(_record(args, settings)))
-
-
-def _registers(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..base import atomic_write
-    from ..controllers import csv_text, markdown_text
-
-    text = markdown_text if target.suffix.lower() == ".md" else csv_text
-    atomic_write(target, text(_record(args, settings)))
-
-
-def _record_header(args: argparse.Namespace, target: Path, settings: dict[str, str]) -> None:
-    from ..base import atomic_write
-    from ..controllers import header_text
-
-    atomic_write(target, header_text(_record(args, settings)))
-
-
-def _record(args: argparse.Namespace, settings: dict[str, str]) -> ControllerRecord:
-    """Return the record of the rig's controller."""
-    from ..controllers import record_of
-    from ..rig import load_gearbox_rig
-
-    return record_of(load_gearbox_rig(args.rig, settings, f"export {args.what}"))
-
-
-_WRITERS = {"fmu": _fmu, "controller-fmu": _controller_fmu, "dbc": _dbc, "registers": _registers, "record": _record_header}
+    rig = load(args.rig, **settings)
+    if args.what == "fmu":
+        rig.export_fmu(target, fmi=args.fmi)
+    elif args.what == "controller-fmu":
+        rig.export_controller_fmu(args.sources, target, fmi=args.fmi, include=args.include)
+    else:
+        rig.export(target)

@@ -1,0 +1,62 @@
+# Copyright 2026 Virtual rig maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What verbs do is a call of the Python API: each gives what its verb prints or writes, and refuses wrong input in a sentence."""
+
+from pathlib import Path
+
+import pytest
+
+import rig_nodes
+from rig_nodes.cli.main import main
+
+ENDINGS = {"dbc": "rig.dbc", "registers": "registers.md", "record": "rig_record.h"}
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return rig_nodes.load("hydmag", alfa46={"t12": "-200 ms"})
+
+
+def refused(call) -> str:
+    """Returns the sentence of a call that is refused."""
+    with pytest.raises(rig_nodes.RigError) as refusal:
+        call()
+    assert "\n" not in str(refusal.value)
+    return str(refusal.value)
+
+
+@pytest.mark.parametrize("what", ENDINGS)
+def test_files_of_a_rig_are_those_of_the_command_line(rig, what, tmp_path):
+    line, call = tmp_path / f"line_{ENDINGS[what]}", tmp_path / f"call_{ENDINGS[what]}"
+    assert main(["export", what, "-o", str(line), "--set", "alfa46.t12=-200 ms"]) == 0
+    rig.export(str(call))
+    assert call.read_bytes() == line.read_bytes() and call.stat().st_size > 500
+
+
+def test_a_check_says_what_the_command_line_prints(tmp_path, capsys):
+    assert main(["check", "three_speed", "--picture", str(tmp_path / "line.svg")]) == 0
+    own = rig_nodes.load("three_speed")
+    assert own.check() == capsys.readouterr().out.splitlines()[:-1]
+    assert own.draw(tmp_path / "call.svg") and not own.draw(tmp_path / "call.svg")
+    assert (tmp_path / "call.svg").read_bytes() == (tmp_path / "line.svg").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda rig: rig.export("rig.txt"), "rig.txt: its ending says no kind of file of a rig; expected .dbc, .csv, .md, .h"),
+        (lambda rig: rig.export(None), "file is None, expected a path"),
+        (lambda rig: rig.export("nowhere/rig.dbc"), "nowhere/rig.dbc"),
+        (lambda rig: rig_nodes.load("ural2").export("rig.dbc"), "export dbc is for a rig with gears and a shift controller"),
+        (lambda rig: rig.export_controller_fmu("mine.c", "mine.fmu"), "sources is 'mine.c', expected a list of paths"),
+        (lambda rig: rig.export_controller_fmu([], "mine.fmu"), "needs the C file of your controller"),
+        (lambda rig: rig.export_controller_fmu(["a.c"], "a.fmu", include=["no"]), "include no: there is no such folder"),
+        (lambda rig: rig.export_controller_fmu(["a.c"], "a.fmu"), "a.c: there is no such file"),
+        (lambda rig: rig.draw("driveline.png"), "driveline.png: the picture of a driveline is a file that ends in .svg"),
+    ],
+)
+def test_files_that_cannot_be_written_are_refused_in_a_sentence(rig, call, sentence, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a.fmu").mkdir()
+    assert sentence in refused(lambda: call(rig))
