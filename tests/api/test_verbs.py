@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 import rig_nodes
+from rig_nodes.bags import canonical_hash
 from rig_nodes.cli.main import main
+from rig_nodes.controllers import ControllerOutputs
 
 ENDINGS = {"dbc": "rig.dbc", "registers": "registers.md", "record": "rig_record.h"}
 
@@ -60,3 +62,66 @@ def test_files_that_cannot_be_written_are_refused_in_a_sentence(rig, call, sente
     monkeypatch.chdir(tmp_path)
     Path("a.fmu").mkdir()
     assert sentence in refused(lambda: call(rig))
+
+
+@pytest.fixture(scope="module")
+def run(rig):
+    """A run of half a second: gear I at standstill."""
+    steps = [{"oil": {"pressure": "4 MPa"}}, {"wait": {"for": "200 ms"}}, {"shift": {"to": "I"}}, {"wait": {"for": "300 ms"}}]
+    return rig.simulate(steps, seed=4)
+
+
+def test_through_plants_the_topics_that_differ_are_those_of_the_command_line(run, tmp_path, capsys):
+    again = run.rerun()
+    assert (again.different, again.moved, again.notes, again.answers) == ([], [], [], None)
+    assert (
+        canonical_hash(str(again.run.folder))["/instruments/controller"]
+        == canonical_hash(str(run.folder))["/instruments/controller"]
+    )
+    assert again.run.report["run"]["mode"] == "rerun"
+    other = run.rerun(settings={"oil_supply": {"temperature": "50 degC"}})
+    line = ["rerun", str(run.folder), "--through", "plant", "--out", str(tmp_path / "line")]
+    assert main([*line, "--set", "oil_supply.temperature=50 degC"]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert (
+        printed[0] == f"{len(other.different)} of {other.topics} topics differ from the recorded ones: {', '.join(other.different)}"
+    )
+    assert printed[1:-1] == other.moved
+    assert canonical_hash(str(tmp_path / "line"))["all"] == canonical_hash(str(other.run.folder))["all"]
+
+
+class Idle:
+    """A controller that leaves all valves without current."""
+
+    level = "duty"
+
+    def initialize(self, info):
+        pass
+
+    def step(self, inputs):
+        return ControllerOutputs()
+
+    def terminate(self):
+        pass
+
+
+def test_through_a_controller_its_answers_are_counted(run):
+    own = run.rerun("alfa46").answers
+    assert own.same == own.samples > 400 and own.first is None and not own.end
+    assert run.rerun("alfa46", settings={"alfa46.gain_p": "20 ohm"}).answers.first > 0.0
+    other = run.rerun(Idle).answers
+    assert 0 < other.same < other.samples == own.samples and other.first >= 0.2
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda run: run.rerun(None), "through is None, expected 'plant', or a controller"),
+        (lambda run: run.rerun(level="duty"), "level is of a controller; the recorded commands have their own"),
+        (lambda run: run.rerun(rig="clutch_bench"), "which the rig 'clutch_bench' does not have"),
+        (lambda run: run.rerun("python:none.py:A"), "none.py"),
+        (lambda run: run.rerun(settings=["alfa46.t12"]), "settings is ['alfa46.t12'], expected a dict of names and values"),
+    ],
+)
+def test_what_cannot_be_run_again_is_refused_in_a_sentence(run, call, sentence):
+    assert sentence in refused(lambda: call(run))

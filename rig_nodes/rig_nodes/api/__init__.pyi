@@ -8,6 +8,7 @@ from .checked import checked as checked
 from .compared import Compared as Compared
 from .exported import exported as exported
 from .opened import imported as imported, open as open
+from .reran import Rerun as Rerun, rerun_into as rerun_into
 from .rig import Rig as Rig, load as load
 from .run import Run as Run
 from .signals import Signal as Signal, Signals as Signals

@@ -65,9 +65,15 @@ def load(name: str | Path, /, **settings: Any) -> Rig:
     Traceback (most recent call last):
     rig_nodes.base.errors.RigError: setting alfa46.t21=5 bar: the value: '5 bar' is a pressure, expected a time (s, ms, us, min)
     """
-    rig = Rig(str(name), load_rig(name), {})
+    return with_settings(Rig(str(name), load_rig(name), {}), settings)
+
+
+def with_settings(rig: Rig, settings: Mapping[str, Any]) -> Rig:
+    """Return a rig with further settings, as of :func:`load`."""
+    if not isinstance(settings, Mapping):
+        raise RigError(f"settings is {brief(settings)}, expected a dict of names and values")
     texts = {key: rig.text_of(key, value) for key, value in _flat(settings).items()}
-    return Rig(str(name), with_overrides(rig.config, texts), texts)
+    return Rig(rig.source, with_overrides(rig.config, texts), rig.settings | texts)
 
 
 class Rig:

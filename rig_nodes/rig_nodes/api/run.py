@@ -46,6 +46,9 @@ if TYPE_CHECKING:
     import pyarrow
     from matplotlib.figure import Figure
 
+    from .reran import Rerun
+    from .rig import Rig
+
 MOST_ROWS = 1_000_000  # of a recording that is compared, 100 s at 10 kHz
 NO_GEARS = "no shifts: the rig has no gears"
 BESIDE = ("why", "undefined")  # keys of a shift in the report that hold no value
@@ -369,6 +372,51 @@ class Run:
         from .opened import open  # which makes runs
 
         return Compared([(one if isinstance(one, Run) else open(one)).source() for one in (self, *others)], by)
+
+    def rerun(
+        self,
+        through: str | type = "plant",
+        *,
+        rig: Rig | str | None = None,
+        settings: Mapping[str, Any] | None = None,
+        level: str | None = None,
+    ) -> Rerun:
+        """Run it again, as `rig rerun`: its recorded commands through a plant, or its transducers through a controller.
+
+        Parameters
+        ----------
+        through : str or type
+            ``"plant"``, or a controller as of :meth:`Rig.simulate`.
+        rig : Rig or str, optional
+            Another rig; by default the one that the run has recorded.
+        settings : mapping, optional
+            Values of the rig in place of its own, as of :func:`rig_nodes.load`.
+        level : str, optional
+            What the controller returns, ``"duty"`` or ``"current"``, where it can return both.
+
+        Returns
+        -------
+        Rerun
+            The new ``run``, which is temporary until it is saved; the topics that are ``different`` and the metrics that
+            ``moved``; or the controller's ``answers`` beside the recorded ones.
+
+        Raises
+        ------
+        RigError
+            When the run lacks its beginning or messages, or does not fit the rig or the controller.
+
+        Examples
+        --------
+        >>> run = rig_nodes.load("hydmag").simulate([{"oil": {"pressure": "4 MPa"}}, {"wait": {"for": "100 ms"}}])
+        >>> run.rerun().different, run.rerun(settings={"oil_supply": {"temperature": "50 degC"}}).different[0]
+        ([], ...)
+        >>> answers = run.rerun("alfa46").answers
+        >>> answers.same == answers.samples
+        True
+        """
+        from .reran import rerun_of  # which makes runs
+
+        return rerun_of(self, through, rig, settings, level)
 
     def source(self) -> Source:
         """Return the run as a comparison takes it; RigError for a rig without gears."""

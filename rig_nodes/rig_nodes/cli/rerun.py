@@ -9,7 +9,6 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from ..base import waiting
 from .run_arguments import add_in_process, controller_of
 from .shared_arguments import add_set
 
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
     from ..analysis import Gathered
     from ..rig import RigConfig
 
-AGAIN = "running the bag again"
 LOST = 3  # exit code: run again, but the bag does not hold its whole run
 HELP = "run a bag again: its commands through a plant, or its transducers through a controller"
 
@@ -83,40 +81,32 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
-    from ..analysis import build_report, gather, info_of, moved_lines, write_report
-    from ..runs import different_topics, rerun_plant
+    from ..api import rerun_into
 
-    with waiting(AGAIN):
-        notes = rerun_plant(bag, config, folder)
-    for note in notes:
+    found = rerun_into(folder, bag, config)
+    for note in found.notes:
         print(f"rig: warning: {note}", file=sys.stderr)
-    new = gather(folder)
-    end = {"state": "ended", "reason": f"the recorded commands of {bag.path.name} ended"}
-    report = build_report(new, {**info_of(new), "mode": "rerun", "end": end})
-    write_report(folder, report)
-    different = different_topics(bag, new)
-    if not different:
-        print(f"all {len(new.types) - 1} topics are bit for bit as recorded")
+    if not found.different:
+        print(f"all {found.topics} topics are bit for bit as recorded")
         return 0
-    print(f"{len(different)} of {len(new.types) - 1} topics differ from the recorded ones: {', '.join(different)}")
-    for line in moved_lines(build_report(bag, info_of(bag)), report):
+    print(f"{len(found.different)} of {found.topics} topics differ from the recorded ones: {', '.join(found.different)}")
+    for line in found.moved:
         print(line)
     return 0
 
 
 def _controller(bag: Gathered, config: RigConfig, spec: str, level: str | None, folder: Path) -> int:
-    from ..api import controller_log
+    from ..api import rerun_into
     from ..base import printable
     from ..controllers import level_line, load_controller
-    from ..runs import check_controller, rerun_controller
+    from ..runs import check_controller
 
     check_controller(config)
     controller = load_controller(spec, config, level)
     print(level_line(controller), flush=True)
     controller.say = lambda text: print(f"            {printable(text)}", flush=True)
     controller.wait(60.0)
-    with controller_log(folder), waiting(AGAIN):
-        found = rerun_controller(bag, config, controller, spec, folder)
+    found = rerun_into(folder, bag, config, controller, spec).answers
     print(f"{found.same} of {found.samples} answers are bit for bit as recorded")
     if found.first is not None:
         unit = " A" if controller.level == "current" else ""

@@ -19,7 +19,7 @@ from .plan import plan_of as plan_of
 from .procedure import Series as Series, load_procedure as load_procedure, prepare as prepare, run_repeat as run_repeat
 from .python_sequence import sequence_of as sequence_of
 from .recorded import CHUNK as CHUNK, Rows as Rows, Run as Run, moment_of as moment_of, record as record
-from .rerun import check_whole as check_whole, different_topics as different_topics, rerun_controller as rerun_controller, rerun_plant as rerun_plant
+from .rerun import Answers as Answers, check_whole as check_whole, different_topics as different_topics, rerun_controller as rerun_controller, rerun_plant as rerun_plant
 from .rig import Rig as Rig
 from .rig_base import RigStatus as RigStatus
 from .run_file import Ordered as Ordered, read_run as read_run, write_run as write_run

@@ -49,10 +49,10 @@ def run_folder(out: str | None, name: str) -> Path:
     folder = free_folder(name) if out is None else Path(out)
     try:
         if out is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RigError(f"--out {out}: it exists and is not an empty folder; choose a new name")
+            raise RigError(f"{folder}: it exists and is not an empty folder; choose a new name")
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RigError(f"{folder}: cannot be made ({error.strerror}); choose another place with --out") from None
+        raise RigError(f"{folder}: cannot be made ({error.strerror}); choose another place") from None
     return folder
 
 
