@@ -29,6 +29,8 @@ if TYPE_CHECKING:
         assert_stays,
         load,
         open,
+        procedure,
+        procedure_series,
         sweep,
     )
     from .base import RigError
@@ -49,6 +51,8 @@ __all__ = [
     "assert_stays",
     "load",
     "open",
+    "procedure",
+    "procedure_series",
     "sweep",
 ]
 ROOMS = {"RigError": ".base", "Session": ".runs"}  # of names that are not api's

@@ -3,6 +3,7 @@
 
 """What verbs do is a call of the Python API: each gives what its verb prints or writes, and refuses wrong input in a sentence."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -125,3 +126,73 @@ def test_through_a_controller_its_answers_are_counted(run):
 )
 def test_what_cannot_be_run_again_is_refused_in_a_sentence(run, call, sentence):
     assert sentence in refused(lambda: call(run))
+
+
+SERIES = """description: two loads
+source: nobody
+sequence: small.yaml
+repeats: 2
+series:
+  - grid: {load: [10 Nm, 20 Nm]}
+    label: "${load}"
+    conditions: {m_wyj: "${load}", series: 3}
+    parameters: {load: "${load}"}
+"""
+STEPS = """description: oil and a load
+parameters: {load: 5 Nm}
+steps:
+  - oil: {pressure: 4 MPa}
+  - load: {torque: "${load}"}
+  - wait: {for: 50 ms}
+"""
+
+
+@pytest.fixture
+def loads(tmp_path):
+    """The file of a procedure with two series."""
+    (tmp_path / "small.yaml").write_text(STEPS)
+    (tmp_path / "loads.yaml").write_text(SERIES)
+    return tmp_path / "loads.yaml"
+
+
+def test_the_runs_of_a_procedure_are_those_of_the_command_line(rig, loads, tmp_path, capsys):
+    line, call = tmp_path / "line", tmp_path / "call"
+    assert main(["procedure", str(loads), "--series", "20Nm", "--set", "alfa46.t12=-200 ms", "--out", str(line)]) == 0
+    table = rig_nodes.procedure(loads, ["20Nm"], rig=rig, folder=call)
+    for name in ("20Nm-1", "20Nm-2"):
+        assert canonical_hash(str(call / name))["all"] == canonical_hash(str(line / name))["all"]
+    assert (call / "procedure.json").read_text() == (line / "procedure.json").read_text()
+    assert (list(table["run"]), list(table["m_wyj"]), set(table["end"])) == (["20Nm-1", "20Nm-2"], [20.0, 20.0], {"ended"})
+    assert table.units["m_wyj"] == "Nm" and list(table["label"]) == ["20Nm"] * 2 and list(table["series"]) == [3, 3]
+
+
+def test_a_table_of_a_procedure_has_what_its_report_found(loads, tmp_path):
+    one = rig_nodes.procedure("valve_response", ["ZR-P1"], folder=tmp_path / "valve")
+    found = json.loads((tmp_path / "valve" / "procedure.json").read_text())["found"]
+    columns = {name for name in one.columns if "." in name}
+    assert columns and len(one) == 2, one.columns
+    for row in found:
+        if (name := f"{row['kind']}.{row['key']}") in columns:
+            assert one[name].mean() == pytest.approx(row["mean"])
+
+
+def test_series_are_listed_with_their_conditions(rig, loads, capsys):
+    assert main(["procedure", str(loads), "--labels"]) == 0
+    table = rig_nodes.procedure_series(loads, rig=rig)
+    assert capsys.readouterr().out.split() == list(table["label"]) and list(table["m_wyj"]) == [10.0, 20.0]
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda _: rig_nodes.procedure("grid_upp"), "there is no procedure 'grid_upp'"),
+        (lambda _: rig_nodes.procedure(3), "name is 3, expected a path"),
+        (lambda _: rig_nodes.procedure("grid_up", "19"), "series is '19', expected a list of texts"),
+        (lambda _: rig_nodes.procedure("grid_up", rig=3), "rig is 3, expected a Rig, its name or its file"),
+        (lambda loads: rig_nodes.procedure(loads, ["30Nm"], rig="hydmag"), "there is no series '30Nm'; did you mean '20Nm'"),
+        (lambda loads: rig_nodes.procedure(loads, rig="hydmag", folder=loads.parent), "exists and is not an empty folder"),
+        (lambda _: rig_nodes.procedure("delay_series", rig=rig_nodes.load("hydmag", alfa46={"t12": 0.0})), "sets it itself"),
+    ],
+)
+def test_a_procedure_that_cannot_run_is_refused_in_a_sentence(loads, call, sentence):
+    assert sentence in refused(lambda: call(loads))

@@ -7,6 +7,7 @@ from .checks import assert_events as assert_events, assert_never as assert_never
 from .checked import checked as checked
 from .compared import Compared as Compared
 from .exported import exported as exported
+from .measured import procedure as procedure, procedure_series as procedure_series, run_series as run_series
 from .opened import imported as imported, open as open
 from .reran import Rerun as Rerun, rerun_into as rerun_into
 from .rig import Rig as Rig, load as load

@@ -8,7 +8,6 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from ..base import waiting
 from .shared_arguments import add_set
 
 if TYPE_CHECKING:
@@ -31,10 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the chosen series one after the other; return 0 only when every sequence was completed."""
-    from ..analysis import Member, aligned, build_report, format_report, gather, member_of, table_of, write_procedure, write_report
+    from ..analysis import Member, aligned, format_report, table_of
+    from ..api import run_series
     from ..base import DEFAULT_RIG, interrupted_code, printable, quoted
     from ..controllers import embedded_line
-    from ..runs import load_procedure, parse_settings, prepare, run_folder, simulate
+    from ..runs import Series, load_procedure, parse_settings, prepare, run_folder
 
     procedure = load_procedure(args.procedure, DEFAULT_RIG)
     chosen = procedure.series(args.series.split(",") if args.series else None)
@@ -46,27 +46,21 @@ def main(args: argparse.Namespace) -> int:
     folder = run_folder(args.out, procedure.name)
     if ready[0][1].structure.shifts:
         print(embedded_line(), flush=True)
+
+    def begins(series: Series, repeat: int) -> None:
+        print(f"series {series.label}, run {repeat + 1} of {series.repeats}", flush=True)
+
     failed, members = 0, list[Member]()
-    rows = [series.about for series in chosen]
-    for series, config, sequence in ready:
-        for repeat in range(series.repeats):
-            run_into = folder / f"{series.label}-{repeat + 1}"
-            run_into.mkdir()
-            print(f"series {series.label}, run {repeat + 1} of {series.repeats}", flush=True)
-            with waiting("computing the run"):
-                run = simulate(config, sequence, run_into, series.first_seed + repeat)
-            report = build_report(gather(run_into, run), run)
-            write_report(run_into, report)
-            print(format_report(report), end="\n\n", flush=True)
-            members.append(member_of(series.label, run_into.name, report))
-            # after each run, so that an interrupted procedure keeps what it found
-            write_procedure(folder, procedure.about, rows, members)
-            if run["end"]["state"] == "interrupted":
-                print(f"rig: {run['end']['reason']}", file=sys.stderr)
-                return interrupted_code(run["end"]["reason"])
-            if run["end"]["state"] != "ended":
-                failed += 1
-                print(f"rig: series {series.label}: {run['end']['reason']}", file=sys.stderr)
+    for report, member in run_series(procedure, ready, folder, begins):
+        print(format_report(report), end="\n\n", flush=True)
+        members.append(member)
+        end = report["run"]["end"]
+        if end["state"] == "interrupted":
+            print(f"rig: {end['reason']}", file=sys.stderr)
+            return interrupted_code(end["reason"])
+        if end["state"] != "ended":
+            failed += 1
+            print(f"rig: series {member.label}: {end['reason']}", file=sys.stderr)
     print(f"found by {procedure.name}, means of the runs of each series:")
     head, rows = table_of(members)
     print("\n".join(map(printable, aligned([head, *rows]))))

@@ -16,7 +16,7 @@ from .folders import free_folder as free_folder, pairs as pairs, parse_parameter
 from .moments import Present as Present
 from .outputs import Outputs as Outputs, SCALAR_SAMPLES as SCALAR_SAMPLES
 from .plan import plan_of as plan_of
-from .procedure import Series as Series, load_procedure as load_procedure, prepare as prepare, run_repeat as run_repeat
+from .procedure import Procedure as Procedure, Series as Series, load_procedure as load_procedure, prepare as prepare, run_repeat as run_repeat
 from .python_sequence import sequence_of as sequence_of
 from .recorded import CHUNK as CHUNK, Rows as Rows, Run as Run, moment_of as moment_of, record as record
 from .rerun import Answers as Answers, check_whole as check_whole, different_topics as different_topics, rerun_controller as rerun_controller, rerun_plant as rerun_plant
