@@ -3,6 +3,7 @@
 
 """What verbs do is a call of the Python API: each gives what its verb prints or writes, and refuses wrong input in a sentence."""
 
+import inspect
 import json
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import rig_nodes
 from rig_nodes.bags import canonical_hash
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import ControllerOutputs
+from rig_nodes.studies.faults import score
+from rig_nodes.studies.faults.cases import cases_of
 
 ENDINGS = {"dbc": "rig.dbc", "registers": "registers.md", "record": "rig_record.h"}
 
@@ -196,3 +199,44 @@ def test_series_are_listed_with_their_conditions(rig, loads, capsys):
 )
 def test_a_procedure_that_cannot_run_is_refused_in_a_sentence(loads, call, sentence):
     assert sentence in refused(lambda: call(loads))
+
+
+def test_a_measurement_is_that_of_the_command_line(monkeypatch, tmp_path):
+    monkeypatch.setattr("rig_nodes.studies.benchmark.kernel.VARIANTS", {"the usual": ({}, True)})
+    assert main(["bench", "kernel", "--repeats", "1", "--json", str(tmp_path / "x.json")]) == 0
+    line, call = json.loads((tmp_path / "x.json").read_text()), rig_nodes.bench("hydmag", ["kernel"], repeats=1)
+    assert call["machine"] == line["machine"] and call["kernel"]["the usual"].keys() == line["kernel"]["the usual"].keys()
+    assert call["kernel"]["the usual"]["real_time_factor"] > 0.0
+
+
+def late(course):
+    """A detector that gives its alarm at the end of every run."""
+    return course.t[-1], "dc_motor.weak"
+
+
+def test_scores_of_a_detector_are_those_of_the_command_line(monkeypatch, tmp_path):
+    monkeypatch.setattr(score, "cases_of", lambda *given: cases_of(*given)[:3])
+    (tmp_path / "late.py").write_text(inspect.getsource(late))
+    detector = ["--detector", f"{tmp_path / 'late.py'}:late", "--jobs", "1", "--json", str(tmp_path / "x.json")]
+    assert main(["faults", "bench", "--healthy", "2", "--sizes", "1", *detector]) == 0
+    line = json.loads((tmp_path / "x.json").read_text())
+    found = json.loads(json.dumps(rig_nodes.bench_faults("hydmag", late, healthy=2, sizes=[1])))
+    assert {**found, "generator": line["generator"], "detector": line["detector"]} == line
+    assert found["runs"] == 3 and found["false_alarms_healthy"] == [2, 2]
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: rig_nodes.bench("hydmag", "kernel"), "parts is 'kernel', expected a list of texts"),
+        (lambda: rig_nodes.bench("hydmag", ["kernel"], repeats=0.5), "repeats is 0.5, expected a whole number of at least 1"),
+        (lambda: rig_nodes.bench(None, ["kernel"]), "rig is None, expected a Rig, its name or its file"),
+        (lambda: rig_nodes.bench_faults("hydmag", "late.py:late"), "detector is 'late.py:late', expected a function"),
+        (lambda: rig_nodes.bench_faults("hydmag", sizes=[0.5, 0]), "sizes is [0.5, 0], expected numbers above 0"),
+        (lambda: rig_nodes.bench_faults("hydmag", sizes=2), "sizes is 2, expected numbers above 0"),
+        (lambda: rig_nodes.bench_faults("hydmag", jobs=True), "jobs is True, expected a whole number of at least 1"),
+        (lambda: rig_nodes.bench_faults("hydmag", seed=-1), "seed is -1, expected a whole number of at least 0"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused_in_a_sentence(call, sentence):
+    assert sentence in refused(call)

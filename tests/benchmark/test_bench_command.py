@@ -20,7 +20,7 @@ from rig_nodes.studies.benchmark import document, machine, peers, rigs, two_iner
 def test_what_is_refused(capsys):
     for arguments, sentence in (
         (["nonsense"], "there is no part to measure 'nonsense'; known are kernel, rigs, demo"),
-        (["kernel", "--repeats", "0"], "--repeats 0: at least 1"),
+        (["kernel", "--repeats", "0"], "repeats is 0, expected a whole number of at least 1"),
         (["kernel", "--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no folder /nowhere"),
         (["kernel", "--json", "/"], "it is a folder, expected a file"),
     ):

@@ -76,7 +76,7 @@ def test_anybodys_detector_is_a_function_and_its_slips_are_sentences(tmp_path, c
         (("--detector", f"{path}:none"), "has no function 'none'"),
         (("--detector", "nowhere.py:none"), "there is no file"),
         (("--sizes", "0"), "expected numbers above 0"),
-        (("--healthy", "0"), "at least 1 is needed"),
+        (("--healthy", "0"), "healthy is 0, expected a whole number of at least 1"),
     ):
         assert main(["faults", "bench", *arguments]) == 2
         assert sentence in capsys.readouterr().err

@@ -14,7 +14,7 @@ from ..base import RigError, brief, waiting
 from ..controllers import load_controller
 from ..rig import config_of_record
 from ..runs import check_controller, check_whole, different_topics, rerun_controller, rerun_plant
-from .rig import Rig, load, spec_of, with_settings
+from .rig import Rig, rig_from, spec_of, with_settings
 from .run import Run
 from .simulated import controller_log
 from .temporary import Temporary
@@ -67,7 +67,7 @@ def rerun_of(run: Run, through: str | type, rig: Rig | str | None, settings: Map
     check_whole(bag)
     if rig is None:
         rig = Rig(str(run.folder), config_of_record(bag.record, str(bag.path)), {})
-    config = with_settings(rig if isinstance(rig, Rig) else load(rig), settings or {}).config
+    config = with_settings(rig_from(rig), settings or {}).config
     with Temporary() as kept:
         if through == PLANT:
             found = rerun_into(kept.folder, bag, config)

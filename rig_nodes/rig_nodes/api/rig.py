@@ -68,6 +68,13 @@ def load(name: str | Path, /, **settings: Any) -> Rig:
     return with_settings(Rig(str(name), load_rig(name), {}), settings)
 
 
+def rig_from(rig: object) -> Rig:
+    """Return a rig that is given as such, or by its name or file; RigError for anything else."""
+    if not isinstance(rig, Rig | str | Path):
+        raise RigError(f"rig is {brief(rig)}, expected a Rig, its name or its file")
+    return rig if isinstance(rig, Rig) else load(rig)
+
+
 def with_settings(rig: Rig, settings: Mapping[str, Any]) -> Rig:
     """Return a rig with further settings, as of :func:`load`."""
     if not isinstance(settings, Mapping):

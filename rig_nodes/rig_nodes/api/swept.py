@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis import SHORT, loop_columns, named_metrics
-from ..base import SI, STARTING, UNITS, RigError, brief, waiting
+from ..base import SI, STARTING, UNITS, RigError, waiting
 from ..runs import Workers, sequence_of, start_server
 from ..studies import (
     Plan,
@@ -31,7 +31,8 @@ from ..studies import (
     rows_of,
     run_sweep,
 )
-from .rig import Rig, load, spec_of
+from .given import whole
+from .rig import Rig, rig_from, spec_of
 from .table import GEARS, Table, column_unit
 
 if TYPE_CHECKING:
@@ -116,9 +117,7 @@ def sweep(
     >>> table["alfa46.t12"], table.units["alfa46.t12"], table["t_c_s"].shape
     (array([-0.24, -0.24, -0.18, -0.18]), 's', (4,))
     """
-    if not isinstance(jobs, int) or jobs < 1:
-        raise RigError(f"jobs is {brief(jobs)}, expected a whole number of at least 1")
-    rig = rig if isinstance(rig, Rig) else load(rig)
+    jobs, rig = whole("jobs", jobs, 1), rig_from(rig)
     steps = not isinstance(sequence, str | Path)
     if steps and folder is not None:
         raise RigError(f"folder is {folder}: a sweep that is kept takes a sequence's name or file; write the steps to one")

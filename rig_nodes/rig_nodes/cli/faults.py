@@ -48,33 +48,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the benchmark and print its scores."""
-    from ..rig import load_rig
-    from ..studies import bench_faults, lines_of_faults
+    from ..api import bench_faults
+    from ..studies import lines_of_faults
     from .json_output import write_json
 
     try:
         sizes = tuple(float(size) for size in args.sizes.split(","))
     except ValueError:
-        sizes = ()
-    if not sizes or min(sizes) <= 0.0:
-        raise RigError(f"--sizes {args.sizes}: expected numbers above 0 with commas between them, e.g. 0.5,1,2")
-    for name in ("healthy", "repeats", "jobs"):
-        if getattr(args, name) < 1:
-            raise RigError(f"--{name} {getattr(args, name)}: at least 1 is needed")
-    if args.seed < 0:
-        raise RigError(f"--seed {args.seed}: expected 0 or more")
+        raise RigError(f"--sizes {args.sizes}: expected numbers above 0 with commas between them, e.g. 0.5,1,2") from None
     detector = detector_of(args.detector) if args.detector else None
     line = ProgressLine()
     try:
         result = bench_faults(
-            load_rig(args.rig),
-            args.seed,
-            args.healthy,
-            args.repeats,
-            sizes,
-            detector=detector,
+            args.rig,
+            detector,
+            seed=args.seed,
+            healthy=args.healthy,
+            repeats=args.repeats,
+            sizes=sizes,
             jobs=args.jobs,
-            tell=lambda what, done, of: line.show(done, f"{what}: run {done} of {of}"),
+            watch=lambda what, done, of: line.show(done, f"{what}: run {done} of {of}"),
         )
     finally:
         line.leave()

@@ -11,6 +11,7 @@ from .benchmark.peers import bench_peers as bench_peers
 from .benchmark.rigs import bench_rigs as bench_rigs
 from .benchmark.starts import bench_demo as bench_demo, bench_graph as bench_graph
 from .benchmark.step_cost import controllers_table as controllers_table
+from .faults.cases import Course as Course
 from .faults.score import bench_faults as bench_faults, lines_of_faults as lines_of_faults
 from .sweep.cluster import dask_stream as dask_stream
 from .sweep.plan import Plan as Plan, Varied as Varied, make_plan as make_plan, plan_of as plan_of, plugged_of as plugged_of, read_plan as read_plan

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..analysis import ENDS, build_report, gather, member_of, write_procedure, write_report
-from ..base import RigError, brief, waiting
+from ..base import waiting
 from ..runs import load_procedure, prepare, run_folder, simulate
 from .given import path_of, texts
-from .rig import Rig, load
+from .rig import Rig, rig_from
 from .table import Table
 
 if TYPE_CHECKING:
@@ -63,9 +63,9 @@ def procedure(
     Traceback (most recent call last):
     rig_nodes.base.errors.RigError: procedure 'grid_up': there is no series '1000 rpm'; ...
     """
-    found = _loaded(name, rig)
+    used = None if rig is None else rig_from(rig)
+    found = _loaded(name, used)
     chosen = found.series(None if series is None else texts("series", series))
-    used = load(rig) if isinstance(rig, str) else rig
     source, settings = (used.source, used.settings) if used else (None, {})
     ready = [(one, *prepare(one, source, settings)) for one in chosen]
     members = []
@@ -97,7 +97,7 @@ def procedure_series(name: str | Path, series: Sequence[str] | None = None, *, r
     >>> len(table), table[0]["shift"], table.units["n_wej"]
     (30, 'I-II', 'rad/s')
     """
-    chosen = _loaded(name, rig).series(None if series is None else texts("series", series))
+    chosen = _loaded(name, None if rig is None else rig_from(rig)).series(None if series is None else texts("series", series))
     units = {"label": "", **_units(chosen), "repeats": ""}
     return Table(units, [{"label": one.label, **one.conditions, "repeats": one.repeats} for one in chosen])
 
@@ -141,10 +141,8 @@ def run_series(
                 return
 
 
-def _loaded(name: object, rig: object) -> Procedure:
-    if not isinstance(rig, Rig | str | None):
-        raise RigError(f"rig is {brief(rig)}, expected a Rig, its name or its file")
-    return load_procedure(path_of("name", name), rig.source if isinstance(rig, Rig) else rig)
+def _loaded(name: object, rig: Rig | None) -> Procedure:
+    return load_procedure(path_of("name", name), rig.source if rig else None)
 
 
 def _units(chosen: Sequence[Series]) -> dict[str, str]:
