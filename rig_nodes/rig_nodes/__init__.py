@@ -29,11 +29,13 @@ if TYPE_CHECKING:
         assert_stays,
         bench,
         bench_faults,
+        calibrate,
         load,
         open,
         procedure,
         procedure_series,
         sweep,
+        validate,
     )
     from .base import RigError
     from .runs import Session
@@ -53,11 +55,13 @@ __all__ = [
     "assert_stays",
     "bench",
     "bench_faults",
+    "calibrate",
     "load",
     "open",
     "procedure",
     "procedure_series",
     "sweep",
+    "validate",
 ]
 ROOMS = {"RigError": ".base", "Session": ".runs"}  # of names that are not api's
 

@@ -240,3 +240,38 @@ def test_scores_of_a_detector_are_those_of_the_command_line(monkeypatch, tmp_pat
 )
 def test_what_cannot_be_measured_is_refused_in_a_sentence(call, sentence):
     assert sentence in refused(call)
+
+
+def test_rows_are_judged_as_by_the_command_line(capsys):
+    assert main(["validate", "--rig", "three_speed", "--set", "loss_in.drag=20 Nm", "--jobs", "1", "--json", "-"]) == 0
+    lines = json.loads(capsys.readouterr().out)["rows"]
+    table = rig_nodes.validate(rig_nodes.load("three_speed", loss_in={"drag": 20.0}))
+    assert [dict(row) for row in table] == [{name: line[name] for name in table.columns} for line in lines]
+    assert "outside" in table["verdict"] and len(rig_nodes.validate("three_speed", ["ratio_*"])) == 3
+
+
+def test_rows_of_the_laboratory_are_judged_and_drawn_as_by_the_command_line(capsys, tmp_path):
+    arguments = ["--rows", "cylinder_*", "--jobs", "1", "--json", "-", "--pictures", str(tmp_path / "line")]
+    assert main(["validate", *arguments]) == 0
+    lines = json.loads(capsys.readouterr().out)["rows"]
+    table = rig_nodes.validate("hydmag", ["cylinder_*"], pictures=tmp_path / "call")
+    assert [dict(row) for row in table] == [{name: line[name] for name in table.columns} for line in lines]
+    assert sorted(one.name for one in (tmp_path / "call").iterdir()) == sorted(one.name for one in (tmp_path / "line").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda: rig_nodes.validate("three_speed", "ratio_1"), "rows is 'ratio_1', expected a list of texts"),
+        (lambda: rig_nodes.validate("three_speed", ["ratios"]), "there is no row 'ratios'"),
+        (lambda: rig_nodes.validate("three_speed", pictures="p"), "pictures belongs to the laboratory's programme"),
+        (lambda: rig_nodes.validate("hydmag", procedures=["grid"]), "there is no procedure 'grid'; did you mean"),
+        (lambda: rig_nodes.validate("hydmag", ["cylinder_*"], pictures=3), "pictures is 3, expected a path"),
+        (lambda: rig_nodes.calibrate("chapter9"), "the rows of 'chapter9' are those of 'hydmag'"),
+        (lambda: rig_nodes.calibrate("three_speed", stages="all"), "stages is 'all', expected a list of texts"),
+        (lambda: rig_nodes.calibrate("three_speed", generations=-1), "generations is -1, expected a whole number of at least 0"),
+        (lambda: rig_nodes.calibrate("three_speed", trade_offs=True), "trade-offs belong to the laboratory's rows"),
+    ],
+)
+def test_what_cannot_be_validated_or_calibrated_is_refused_in_a_sentence(call, sentence):
+    assert sentence in refused(call)

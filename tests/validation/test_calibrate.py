@@ -116,7 +116,7 @@ def test_what_is_found_is_written_where_the_rig_reads_it(tmp_path):
     "arguments, sentence",
     [
         (["--stages", "loses"], "there is no stage 'loses'; did you mean 'losses'?"),
-        (["--generations", "-1"], "expected at least 0"),
+        (["--generations", "-1"], "generations is -1, expected a whole number of at least 0"),
         (["--json", "/nowhere/x.json"], "--json /nowhere/x.json: there is no folder /nowhere"),
     ],
 )

@@ -3,10 +3,12 @@
 
 """The calibration of a rig's folder: the values that result from its validation rows, and refusals of faulty files."""
 
+import json
 import re
 
 import pytest
 
+import rig_nodes
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
 
@@ -72,6 +74,20 @@ def test_a_value_is_found_that_meets_the_row_and_written_where_the_rig_has_it(fo
     assert "calibrated inside 1 of 1" in capsys.readouterr().out
 
 
+def test_from_python_the_same_values_are_found_and_written(folder, tmp_path):
+    options = ["--generations", "0", "--jobs", "1", "--json", str(tmp_path / "x.json")]
+    assert main(["calibrate", "--rig", str(folder), *options]) == 0
+    found = rig_nodes.calibrate(folder, generations=0)
+    line = json.loads((tmp_path / "x.json").read_text())
+    assert {"generator": line["generator"], **json.loads(json.dumps(found.as_dict()))} == line
+    (parameter,), (row,) = found.parameters, found.rows
+    assert parameter["name"] == "losses.drag" and parameter["value"] == line["values"]["losses.drag"]
+    assert row["row"] == "input_drag" and abs(row["miss"]) < 0.1 and row["before"] != row["after"]
+    assert load_rig(folder).loss_in.drag != parameter["value"], "nothing is written yet"
+    found.write()
+    assert load_rig(folder).loss_in.drag == pytest.approx(parameter["value"], rel=1e-3)
+
+
 @pytest.mark.parametrize(
     "file, old, new, sentence",
     [
@@ -107,7 +123,7 @@ def test_a_rig_without_a_calibration_says_what_it_lacks(folder, capsys):
     assert main(["calibrate", "--rig", str(folder), "--stages", "loses"]) == 2
     assert "there is no stage 'loses'; did you mean 'losses'" in capsys.readouterr().err
     assert main(["calibrate", "--rig", str(folder), "--trade-offs"]) == 2
-    assert "--trade-offs belongs to the laboratory's rows" in capsys.readouterr().err
+    assert "trade-offs belong to the laboratory's rows" in capsys.readouterr().err
 
 
 def test_check_reads_rows_and_calibration_too(folder, tmp_path, capsys):

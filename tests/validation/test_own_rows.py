@@ -172,7 +172,7 @@ def test_wrong_rows_are_refused_in_one_sentence(folder, old, new, sentence):
 
 def test_what_belongs_to_the_laboratory_is_refused_for_other_rigs(capsys):
     assert main(["validate", "--rig", "three_speed", "--procedures", "delay_series"]) == 2
-    assert "--procedures belongs to the laboratory's programme" in capsys.readouterr().err
+    assert "procedures belongs to the laboratory's programme" in capsys.readouterr().err
     assert main(["validate", "--rig", "clutch_bench"]) == 2
     assert "the rig 'clutch_bench' has no validation.yaml" in capsys.readouterr().err
     assert main(["validate", "--rig", "three_speed", "--rows", "ratio_9"]) == 2

@@ -71,7 +71,7 @@ def test_rows_go_into_a_file_and_figures_into_a_folder(capsys, tmp_path):
     [
         (["--rows", "peaks"], "row 'peaks'"),
         (["--procedures", "grid"], "procedure 'grid'; did you mean "),
-        (["--jobs", "0"], "--jobs is 0"),
+        (["--jobs", "0"], "jobs is 0, expected a whole number of at least 1"),
         (["--rows", "bench_*", "--set", "motor.speed=1"], "motor.speed"),
         (["--rows", "bench_*", "--json", "/no/such/folder/x.json"], "/no/such/folder/x.json"),
         (["--procedures", "delay_series", "--set", "alfa46.t12=0 ms"], "series '1' of delay_series sets it itself"),

@@ -5,6 +5,7 @@
 
 from .checks import assert_events as assert_events, assert_never as assert_never, assert_shift as assert_shift, assert_stays as assert_stays
 from .benched import bench as bench, bench_faults as bench_faults, measured as measured, parts_of as parts_of
+from .calibrated import Calibrated as Calibrated, calibrate as calibrate
 from .checked import checked as checked
 from .compared import Compared as Compared
 from .exported import exported as exported
@@ -18,3 +19,4 @@ from .signals import Signal as Signal, Signals as Signals
 from .simulated import controller_log as controller_log, simulated as simulated
 from .swept import run_plan as run_plan, sweep as sweep
 from .table import Table as Table
+from .validated import validate as validate, validated as validated

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import asdict
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ..base import DEFAULT_RIG, ProgressLine
 from .shared_arguments import add_json
 
 if TYPE_CHECKING:
-    from ..studies import Found, Miss, Parameter
+    from ..studies import Found, Parameter
 
 HELP = "find a rig's unknown parameters on the laboratory's rows, or on its own"
 
@@ -62,53 +60,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Search, print the result and, on request, write it; RigError when the search is not possible."""
-    from ..base import RigError, beside, ended_by, find_config, load_yaml, quoted, unknown
-    from ..rig import load_rig
-    from ..studies import calibrate, calibration_of, programme_of, rows_file, write_values
+    from ..api import calibrate
+    from ..base import ended_by
     from .json_output import write_json
 
-    for name, least in (("generations", 0), ("starts", 0), ("jobs", 1)):
-        if getattr(args, name) < least:
-            raise RigError(f"--{name} is {getattr(args, name)}, expected at least {least}")
-    config, rows = load_rig(args.rig), rows_file(args.rig)
-    programme = programme_of(rows)
-    if programme is not None and rows.parent != find_config("rigs", args.rig).parent:
-        base = rows.parent.name
-        raise RigError(f"the rows of '{args.rig}' are those of '{base}'; ./rig calibrate --rig {quoted(base)} searches on these")
-    calibration = calibration_of(args.rig, config)
-    stages, parameters = calibration.stages, calibration.parameters
-    if args.trade_offs and programme is None:
-        raise RigError(f"--trade-offs belongs to the laboratory's rows; those of '{args.rig}' are its own")
-    for stage in args.stages or ():
-        if stage not in stages:
-            raise RigError(f"--stages: {unknown('stage', stage, stages)}")
-
     line = ProgressLine()
-
-    def progress(stage: str, turn: int, cost: float) -> None:
-        line.show(turn, f"{stage}: generation {turn}, misses cost {cost:.3f}")
-
-    def pair(stage: str, one: str, other: str) -> None:
-        line.show(0.0, f"{stage}: {one} against {other}")
-
-    curves = []
     try:
-        found, rig = calibrate(config, calibration, args.generations, args.jobs, args.seed, args.stages, progress, args.starts)
-        if args.trade_offs:
-            curves = import_module(f"{programme}.trade_off").trade_offs(rig, found.after, found.sensitivities, args.jobs, pair)
+        result = calibrate(
+            args.rig,
+            generations=args.generations,
+            starts=args.starts,
+            stages=args.stages,
+            trade_offs=args.trade_offs,
+            jobs=args.jobs,
+            seed=args.seed,
+            watch=line.show,
+        )
     except KeyboardInterrupt as stop:
         what, code = ended_by(stop)
         print(f"\nrig: {what}; nothing was changed", file=sys.stderr)
         return code
     line.leave()
-    _print(found, parameters, curves)
+    _print(result.found, result.known, result.curves)
     if args.json:
-        write_json(args.json, _content(found, parameters, curves))
+        write_json(args.json, result.as_dict())
     if args.write:
-        file = find_config("rigs", args.rig)
-        node = load_yaml(file)
-        controller = find_config("controllers", beside(file, node["controller"])) if "controller" in node else file
-        write_values(found.values, parameters, file, controller)
+        result.write()
         print("written to the rig's configuration")
     return 0
 
@@ -128,23 +105,3 @@ def _print(found: Found, parameters: dict[str, Parameter], curves: list[Any]) ->
         print(f"\ntrade-off of {curve.stage}, misses in tolerances: {curve.rows[0]} against {curve.rows[1]}")
         for point in curve.points:
             print("  weight {:6g}  {:8.2f}  {:8.2f}".format(point.weight, *point.misses))
-
-
-def _content(found: Found, parameters: dict[str, Parameter], curves: list[Any]) -> dict:
-    """Return the result for programs."""
-    from ..base import SI
-
-    def plain(miss: Miss) -> dict:
-        return {"row": miss.row, "value": miss.value, "tolerances": miss.tolerances}
-
-    return {
-        "values": found.values,
-        "spread": found.spread,
-        "profile": found.profile,
-        "sensitivities": found.sensitivities,
-        "before": [plain(miss) for misses in found.before.values() for miss in misses],
-        "after": [plain(miss) for misses in found.after.values() for miss in misses],
-        "trade_offs": [asdict(curve) for curve in curves],
-        "bounds": {n: [p.low, p.high] for n, p in parameters.items()},
-        "units": SI,
-    }

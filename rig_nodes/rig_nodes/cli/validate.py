@@ -5,12 +5,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import platform
 import sys
 import time
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..base import ProgressLine
@@ -40,137 +38,57 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_set(parser, "change one value of the rig")
 
 
-def _progress(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], None]:
-    """Return the callback of programme.validate; ``runs`` holds for each procedure the number of runs and the length of one."""
-    line = ProgressLine(STARTING + sum(count * size for count, size in runs.values()))
-    done = STARTING
-
-    def progress(procedure: str, count: int, of: int) -> None:
-        nonlocal done
-        done += runs[procedure][1]
-        line.show(done, f"{procedure:<15} {count:>3} of {of} runs", count == of)
-
-    return progress
-
-
 def main(args: argparse.Namespace) -> int:
     """Run what the rows need, print and write the comparison; return 1 when a run tripped."""
-    from ..base import RigError
-    from ..runs import Workers, start_server
-
-    began = time.monotonic()
-    if args.jobs < 1:
-        raise RigError(f"--jobs is {args.jobs}, expected at least 1")
-    from ..studies import programme_of, rows_file
-
-    path = rows_file(args.rig)
-    package = programme_of(path)
-    if package is None:
-        return _own_rows(args, path)
-    if args.jobs > 1:
-        start_server(f"{package}.programme", rigs=[args.rig])
-
+    from ..api import load, validated, whole
     from ..controllers import embedded_line
-    from ..rig import load_gearbox_rig
     from ..runs import parse_settings
     from ..studies import terminal
     from .json_output import write_json
 
-    document, pictures, programme, time_courses = (
-        import_module(f"{package}.{name}") for name in ("document", "pictures", "programme", "time_courses")
-    )
-    targets = programme.choose(args.rows, args.procedures)
-    settings = parse_settings(args.settings)
-    load_gearbox_rig(args.rig, settings, "validate --rig")  # errors in the rig are reported before anything runs
-    procedures = programme.needed(targets)
-    programme.check_settings(procedures, settings)
-    if args.pictures:
-        _make_folder(args.pictures)
-    runs = programme.runs_of(procedures)
-    if runs:
-        print(embedded_line(), file=sys.stderr, flush=True)
-    drawn = []
-    # rows that only inform need no processes
-    with Workers(args.jobs) if procedures else contextlib.nullcontext() as workers:
-        result = programme.validate(targets, workers, args.rig, settings, _progress(runs))
-        if args.pictures and procedures:
-            drawn = time_courses.time_courses(procedures, workers, args.rig, settings)
-    print(
-        f"{sum(count for count, _ in runs.values())} runs with their metrics in {time.monotonic() - began:.1f} s", file=sys.stderr
-    )
+    began, jobs, all_runs = time.monotonic(), whole("jobs", args.jobs, 1), 0
+    rig = load(args.rig, **parse_settings(args.settings))
 
+    def watch(runs: dict[str, tuple[int, float]]) -> Callable[[str, int, int], None]:
+        nonlocal all_runs
+        all_runs = sum(count for count, _ in runs.values())
+        line = ProgressLine(STARTING + sum(count * size for count, size in runs.values()))
+        done = STARTING
+        if runs and "" not in runs:
+            print(embedded_line(), file=sys.stderr, flush=True)
+
+        def progress(procedure: str, count: int, of: int) -> None:
+            nonlocal done
+            done += runs[procedure][1]
+            line.show(done, (f"{procedure:<15} {count:>3}" if procedure else f"{count}") + f" of {of} runs", count == of)
+
+        return progress
+
+    found = validated(rig, args.rows, args.procedures, args.pictures, jobs, watch)
+    of_holds = ""
+    if found.programme:
+        print(f"{all_runs} runs with their metrics in {time.monotonic() - began:.1f} s", file=sys.stderr)
+        of_holds = import_module(f"{found.programme}.document").of_holds(found.rows)
     if args.json != "-":
-        print(terminal(result.rows, document.of_holds(result.rows)))
+        print(terminal(found.rows, of_holds))
     if args.json:
         write_json(
             args.json,
             {
-                "rows": [row.as_dict() for row in result.rows],
-                "summary": programme.summary(result),
+                "rows": [row.as_dict() for row in found.rows],
+                "summary": found.summary,
                 "versions": _versions(),
                 "rig": args.rig,
-                "settings": settings,
-                "procedures": list(result.procedures),
+                "settings": rig.settings,
+                "procedures": list(found.procedures),
             },
         )
     if args.pictures:
-        from ..view import write_charts
-
-        count = len(write_charts([*pictures.figures(result.records), *drawn], args.pictures))
-        print(f"{count} figures written to {args.pictures}", file=sys.stderr)
-    if result.trips:
-        print(f"rig: {len(result.trips)} of the runs tripped, the first one {result.trips[0]}", file=sys.stderr)
+        print(f"{found.figures} figures written to {args.pictures}", file=sys.stderr)
+    if found.trips:
+        print(f"rig: {len(found.trips)} of the runs tripped, the first one {found.trips[0]}", file=sys.stderr)
         return 1
     return 0
-
-
-def _own_rows(args: argparse.Namespace, path: Path) -> int:
-    """Validate the rows of a rig's folder."""
-    from ..base import RigError
-    from ..runs import Workers, start_server
-
-    if given := next((flag for flag, value in (("--pictures", args.pictures), ("--procedures", args.procedures)) if value), None):
-        raise RigError(f"{given} belongs to the laboratory's programme; the rows of {path} have none")
-    if args.jobs > 1:
-        start_server("rig_nodes.studies.validation.own_rows", rigs=[args.rig])
-
-    from ..rig import load_rig
-    from ..runs import parse_settings
-    from ..studies import check_settings, chosen_rows, counts, load_rows, rows_by_run, terminal, validate_rows
-    from .json_output import write_json
-
-    settings = parse_settings(args.settings)
-    rows = chosen_rows(load_rows(path, args.rig, load_rig(args.rig, settings)), args.rows)
-    check_settings(rows, settings)
-    line = ProgressLine(len(rows_by_run(rows)))
-    with Workers(args.jobs) as workers:
-        found = validate_rows(
-            rows, args.rig, settings, workers, lambda done, of: line.show(done, f"{done} of {of} runs", done == of)
-        )
-    if args.json != "-":
-        print(terminal(found))
-    if args.json:
-        write_json(
-            args.json,
-            {
-                "rows": [row.as_dict() for row in found],
-                "summary": counts(found),
-                "versions": _versions(),
-                "rig": args.rig,
-                "settings": settings,
-                "procedures": [],
-            },
-        )
-    return 0
-
-
-def _make_folder(folder: Path) -> None:
-    from ..base import RigError
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RigError(f"--pictures {folder}: the folder cannot be made ({error.strerror})") from None
 
 
 def _versions() -> dict[str, str]:
