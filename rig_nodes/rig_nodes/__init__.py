@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         procedure,
         procedure_series,
         sweep,
+        tune,
         validate,
     )
     from .base import RigError
@@ -61,6 +62,7 @@ __all__ = [
     "procedure",
     "procedure_series",
     "sweep",
+    "tune",
     "validate",
 ]
 ROOMS = {"RigError": ".base", "Session": ".runs"}  # of names that are not api's

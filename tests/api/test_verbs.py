@@ -275,3 +275,26 @@ def test_rows_of_the_laboratory_are_judged_and_drawn_as_by_the_command_line(caps
 )
 def test_what_cannot_be_validated_or_calibrated_is_refused_in_a_sentence(call, sentence):
     assert sentence in refused(call)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"objectives": "peak,time"}, "objectives is 'peak,time', expected a list of texts"),
+        ({"objectives": ["peak", "noise"]}, "objectives: there is no objective 'noise'"),
+        ({"ways": ["I-III"]}, "ways: there is no way 'I-III'"),
+        ({"speeds": 1000}, "speeds is 1000, expected "),
+        ({"oil": (60.0, 20.0)}, "oil (60.0, 20.0): the range must rise from 0 or more"),
+        ({"bounds": ["peak"]}, "bounds is ['peak'], expected a dict of objectives and values"),
+        ({"bounds": {"peak": None}}, "bound peak=None: expected a text with its unit, or a number in SI"),
+        ({"bounds": {"dip": -0.1}}, "bound dip=-0.1: expected 0 or more"),
+        ({"judge_rigs": -1}, "judge_rigs is -1, expected a whole number of at least 0"),
+        ({"generations": 0.5}, "generations is 0.5, expected a whole number of at least 1"),
+        ({"spreads": "none.json"}, "none.json: holds no spreads"),
+        ({"rig": "ural2"}, "tune is for a rig with gears and a shift controller"),
+        ({"folder": None}, "folder is None, expected a path"),
+    ],
+)
+def test_a_tuning_that_is_not_possible_is_refused_in_a_sentence(given, sentence, tmp_path):
+    call = {"rig": "hydmag", "folder": tmp_path / "tuned", **given}
+    assert sentence in refused(lambda: rig_nodes.tune(**call)) and not (tmp_path / "tuned").exists()

@@ -19,4 +19,5 @@ from .signals import Signal as Signal, Signals as Signals
 from .simulated import controller_log as controller_log, simulated as simulated
 from .swept import run_plan as run_plan, sweep as sweep
 from .table import Table as Table
+from .tuned import Tuned as Tuned, tune as tune
 from .validated import validate as validate, validated as validated
