@@ -17,12 +17,15 @@ from .environments import register
 
 if TYPE_CHECKING:
     from .api import (
+        Calibrated,
         Compared,
+        Rerun,
         Rig,
         Run,
         Signal,
         Signals,
         Table,
+        Tuned,
         assert_events,
         assert_never,
         assert_shift,
@@ -42,7 +45,9 @@ if TYPE_CHECKING:
     from .runs import Session
 
 __all__ = [
+    "Calibrated",
     "Compared",
+    "Rerun",
     "Rig",
     "RigError",
     "Run",
@@ -50,6 +55,7 @@ __all__ = [
     "Signal",
     "Signals",
     "Table",
+    "Tuned",
     "assert_events",
     "assert_never",
     "assert_shift",

@@ -16,7 +16,7 @@ from .reran import Rerun as Rerun, rerun_into as rerun_into
 from .rig import Rig as Rig, load as load
 from .run import Run as Run
 from .signals import Signal as Signal, Signals as Signals
-from .simulated import controller_log as controller_log, simulated as simulated
+from .simulated import simulated as simulated
 from .swept import run_plan as run_plan, sweep as sweep
 from .table import Table as Table
 from .tuned import Tuned as Tuned, tune as tune
