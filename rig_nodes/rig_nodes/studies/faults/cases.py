@@ -3,7 +3,7 @@
 
 """The runs of the benchmark: an upshift and a downshift at a drawn speed, load and temperature, healthy or with one fault.
 
-cli.faults and studies.faults.score use it; what a detector gets is a Course.
+studies.faults.score uses it; what a detector gets is a Course.
 """
 
 from __future__ import annotations
