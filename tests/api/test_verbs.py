@@ -233,6 +233,7 @@ def test_scores_of_a_detector_are_those_of_the_command_line(monkeypatch, tmp_pat
         (lambda: rig_nodes.bench(None, ["kernel"]), "rig is None, expected a Rig, its name or its file"),
         (lambda: rig_nodes.bench_faults("hydmag", "late.py:late"), "detector is 'late.py:late', expected a function"),
         (lambda: rig_nodes.bench_faults("hydmag", sizes=[0.5, 0]), "sizes is [0.5, 0], expected numbers above 0"),
+        (lambda: rig_nodes.bench_faults("hydmag", sizes=["1"]), "sizes is ['1'], expected numbers above 0"),
         (lambda: rig_nodes.bench_faults("hydmag", sizes=2), "sizes is 2, expected numbers above 0"),
         (lambda: rig_nodes.bench_faults("hydmag", jobs=True), "jobs is True, expected a whole number of at least 1"),
         (lambda: rig_nodes.bench_faults("hydmag", seed=-1), "seed is -1, expected a whole number of at least 0"),

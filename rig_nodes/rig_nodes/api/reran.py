@@ -37,9 +37,9 @@ class Rerun(NamedTuple):
     run : Run
         The new run.
     topics : int
-        Number of its topics.
+        After a plant the number of topics that are compared.
     different : list of str
-        Those that are not bit for bit as recorded, after a plant.
+        Those that are not bit for bit as recorded.
     moved : list of str
         Sentences on the metrics of shifts that moved, where topics differ.
     notes : list of str
@@ -110,7 +110,7 @@ def rerun_into(folder: Path, bag: Gathered, config: RigConfig, controller: Plug 
     if controller is not None:
         with controller_log(folder), waiting(AGAIN):
             answers = rerun_controller(bag, config, controller, spec, folder)
-        return Rerun(Run(folder), len(gather(folder).types) - 1, [], [], [], answers)
+        return Rerun(Run(folder), 0, [], [], [], answers)
     with waiting(AGAIN):
         notes = rerun_plant(bag, config, folder)
     new = gather(folder)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -234,7 +235,7 @@ def _range(name: str, limits: Limits, dimension: str) -> tuple[float, float]:
         if not dots:
             raise RigError(f'{name} {limits}: expected "LOW .. HIGH", each with its unit')
         values = quantity(low.strip(), dimension, name), quantity(high.strip(), dimension, name)
-    elif isinstance(limits, Sequence) and len(limits) == 2 and all(isinstance(one, int | float) for one in limits):
+    elif isinstance(limits, Sequence) and len(limits) == 2 and all(isinstance(one, Real) for one in limits):
         values = float(limits[0]), float(limits[1])
     else:
         raise RigError(f'{name} is {brief(limits)}, expected "LOW .. HIGH", each with its unit, or two numbers in SI')
@@ -252,7 +253,7 @@ def _bounds(given: Mapping[str, str | float]) -> dict[str, float]:
         what = f"bound {name}={value}"
         if name not in OBJECTIVES:
             raise RigError(f"{what}: expected NAME=VALUE, the name one of {', '.join(OBJECTIVES)}")
-        if isinstance(value, int | float):
+        if isinstance(value, Real):
             out[name] = float(value)
         elif not isinstance(value, str):
             raise RigError(f"{what}: expected a text with its unit, or a number in SI")
