@@ -22,7 +22,14 @@ from rig_nodes.rig.configuration import load_rig
 BOX = load_rig("hydmag").transmission
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
-ROW = dict.fromkeys(metric_keys()) | {"from_gear": 1, "to_gear": 2, "t_order_s": 1.0, "t_dt_s": 0.3, "t_c_s": 0.6, "t_o_s": 0.1}
+ROW = dict.fromkeys((*metric_keys(), "fall_s")) | {
+    "from_gear": 1,
+    "to_gear": 2,
+    "t_order_s": 1.0,
+    "t_dt_s": 0.3,
+    "t_c_s": 0.6,
+    "t_o_s": 0.1,
+}
 
 
 def states():
@@ -57,6 +64,13 @@ def test_metrics_by_hand():
     assert truth["heat_s1_j"] == pytest.approx(50.0)
     assert truth["heat_s2_j"] == pytest.approx(302.0 + 687.0 * 0.05 / 0.25)
     assert truth["torque_s1_max_nm"] == 70.0 and truth["torque_s2_max_nm"] == 90.0
+
+
+def test_extremes_behind_lock_up_count_until_the_output_stops_falling():
+    swings = states()
+    swings["/gearbox/state"]["speed_out"][(swings["/gearbox/state"]["t"] - 1.61).round(6) == 0.0] = 0.8 * 150 / I1
+    assert metrics_of_states(swings, ROW, BOX)["k"] == pytest.approx(0.9)
+    assert metrics_of_states(swings, ROW | {"fall_s": 0.01}, BOX)["k"] == pytest.approx(0.8)
 
 
 def test_a_clutch_that_is_still_locked_when_it_is_ordered_has_not_engaged_by_that():

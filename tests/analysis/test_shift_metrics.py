@@ -112,6 +112,22 @@ def test_lingering_on_the_ratio_before_a_dip_does_not_end_a_downshift():
     shallow = w * np.interp(t, [0.36, 0.42, 0.45, 0.50, 0.60], [1 / I2, 1 / I1, 1 / I1, 0.96 / I1, 1 / I1])
     row = only(dataclasses.replace(DOWN, end=0.60, settle=0.8).recording(n_wyj=shallow))
     assert row["t_c_s"] == pytest.approx(0.42, abs=1e-3)
+    assert row["k"] == pytest.approx(0.96, abs=1e-3), "the lowest of the signal (7.1.5: t_dtr ends behind it)"
+
+
+@pytest.mark.parametrize("seed", [None, 8])
+def test_a_swing_behind_lock_up_counts_in_k_until_the_output_stops_falling(seed):
+    """The clutch holds from 0.46 s on; input and output go on falling together by 2.5 %, and swing once more 0.1 s later."""
+    t = np.arange(30000) * PERIOD - 1.0
+    w = 1500.0 / RPM * np.interp(t, [0.46, 0.47, 0.49, 0.56, 0.57, 0.60], [1.0, 0.975, 1.0, 1.0, 0.95, 1.0])
+    n_wyj = w * np.interp(t, [0.36, 0.46], [1 / I2, 1 / I1])
+    torque = np.interp(t, [0.30, 0.40, 0.46, 0.475, 0.50, 0.8], [60.0, 150.0, 140.0, 190.0, 88.0, 88.0])
+    row = only(dataclasses.replace(DOWN, end=0.46, settle=0.8).recording(seed, n_wej=w, n_wyj=n_wyj, M_wej=torque))
+    assert row["valid"]
+    assert row["t_c_s"] == pytest.approx(0.46, abs=1e-3)
+    assert row["k"] == pytest.approx(0.975, abs=2e-3) and row["fall_s"] == pytest.approx(0.01, abs=1.5e-3)
+    assert row["output_speed_min_rpm"] == pytest.approx(0.975 * 1500.0 / I1, rel=2e-3)
+    assert row["input_torque_max_nm"] < 175.0 < row["input_torque_high_nm"], "the torque that ends the fall comes behind it"
 
 
 def test_sagging_input_is_no_departure_of_the_output():

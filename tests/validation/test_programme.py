@@ -207,16 +207,16 @@ def test_a_hold_is_classed_by_the_mean_of_its_repeats():
 
 @pytest.mark.parametrize("peak_at, event", [(0.3, "not below it"), (0.45, "below the speed of gear I")])
 def test_the_peak_of_a_downshift_is_placed_by_the_output_speed_at_its_time(peak_at, event):
-    """The output leaves the speed of gear II at 0.4 s, and it is 3 % below that of gear I from 0.43 s on."""
+    """The output leaves the speed of gear II at 0.4 s, and it is 3 % below that of gear I from 0.43 s on; slip ends at 0.44 s."""
     t = 1e-4 * np.arange(10_000)
     first, second = (150.0 / BOX.ratios[gear] for gear in (1, 2))
     channels = {
-        "n_wej": np.full(t.size, 150.0),
+        "n_wej": np.interp(t, [0.43, 0.44, 0.47, 0.5], [150.0, 0.97 * 150.0, 0.97 * 150.0, 150.0]),
         "n_wyj": np.interp(t, [0.4, 0.43, 0.47, 0.5], [second, 0.97 * first, 0.97 * first, first]),
         "M_wej": 100.0 + 200.0 * np.exp(-(((t - peak_at) / 0.01) ** 2)),
         **dict.fromkeys(("M_wyj", "p1", "p2"), np.zeros(t.size)),
     }
-    row = {"t_order_s": 0.0, "t_c_s": 0.5, "t_dt_s": 0.25, "to_gear": 1, "why": []}
+    row = {"t_order_s": 0.0, "t_c_s": 0.44, "t_dt_s": 0.2, "t_o_s": 0.1, "input_speed_rpm": 150.0 / RPM, "to_gear": 1, "why": []}
     record = readers.peak_event("grid_down", {}, Recording(0.0, 1e-4, channels, [], BOX), row)
     assert record.values == {"peak_event": event}
     unmade = readers.peak_event("grid_down", {}, Recording(0.0, 1e-4, channels, [], BOX), {**row, "t_c_s": None, "why": ["no end"]})

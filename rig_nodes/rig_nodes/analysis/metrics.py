@@ -42,7 +42,7 @@ SPEED_BEFORE, TORQUE_AFTER, LOAD_BEFORE = "input speed before", "input torque af
 GEARS, ENDS = ("from_gear", "to_gear"), ("valid", "t_order_s", "why", "undefined")
 # keys of a row that no report has as a result: course.course_of, peak.parts_of_peak, clipped.drop_clipped, and whether the old
 # gear was in
-DETAILS = ("torques", "peak", "clipped", "in_gear")
+DETAILS = ("torques", "peak", "clipped", "in_gear", "fall_s")
 
 
 @dataclass(frozen=True)
@@ -210,8 +210,8 @@ OWN = (
     ),
     Metric(
         "input_torque_max_nm",
-        "highest input torque during t_d",
-        lambda shift: None if shift.window is None else float(shift.smooth[shift.box.input.torque][shift.window].max()),
+        "highest input torque during t_d, in a downshift until the output is slowest",
+        lambda shift: None if shift.extremes is None else float(shift.smooth[shift.box.input.torque][shift.extremes].max()),
         "{torque_in} max",
         1,
         error=metric_errors.peak,
@@ -220,7 +220,7 @@ OWN = (
     ),
     Metric(
         "output_speed_min_rpm",
-        "lowest output speed during t_d",
+        "lowest output speed during t_d, or behind a downshift's",
         lambda shift: None if shift.lowest_speed is None else shift.lowest_speed * RPM,
         "{speed_out} min",
         error=lambda basis: basis.speed * RPM,

@@ -63,9 +63,10 @@ def metrics_of_states(states: States, row: dict, box: Transmission, next_order_t
         None when the states do not cover the shift or the clutches never locked. t_lock_s: from the order to the first state in
         which all engaging clutches have locked (up to 5 ms late; the laboratory's slip threshold may be reached before or
         after it). input_torque_max_nm, output_speed_min_rpm, k: peak torque in the input shaft, lowest output speed and k in
-        the window of the measured t_dt that ends there, or from the order without a t_dt. They are extremes at 200 Hz, so a
-        peak of a few ms may be higher. heat_<clutch>_j and torque_<clutch>_max_nm: of every clutch, from the order to the
-        settled torque or, without it, to the lock-up; the heats are integrals, exact except for 5 ms at the ends.
+        the window of the measured t_dt that ends there, or from the order without a t_dt, and in a downshift until the output
+        stops falling. They are extremes at 200 Hz, so a peak of a few ms may be higher. heat_<clutch>_j and
+        torque_<clutch>_max_nm: of every clutch, from the order to the settled torque or, without it, to the lock-up; the heats
+        are integrals, exact except for 5 ms at the ends.
     """
     order = row["t_order_s"]
     until = np.inf if next_order_time is None else next_order_time
@@ -77,7 +78,7 @@ def metrics_of_states(states: States, row: dict, box: Transmission, next_order_t
         return None
     end = max(locks)
     start = order if row["t_dt_s"] is None else max(order, end - row["t_dt_s"])
-    inside = (gearbox["t"] >= start) & (gearbox["t"] <= end + 1e-9)
+    inside = (gearbox["t"] >= start) & (gearbox["t"] <= end + (row["fall_s"] or 0.0) + 1e-9)
     lowest = float(gearbox["speed_out"][inside].min())
     found: dict[str, float | None] = {
         "t_lock_s": end - order,

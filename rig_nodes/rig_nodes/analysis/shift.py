@@ -141,6 +141,7 @@ def shift_metrics(recording: Recording, order: tuple[float, int, int], next_orde
     if shift is not None:
         shift.find()
         row.update((metric.key, metric.formed(shift, row)) for metric in every_metric())
+        row["fall_s"] = shift.seconds(shift.end, shift.deepest)
         if shift.course is not None:
             row.update(torques=shift.course.torques, in_gear=shift.old is None or shift.old_slip is not None)
         drop_clipped(shift, row)
@@ -324,6 +325,27 @@ class CutShift:
         """Samples of the time t_d from the start of a pressure's change to the end of the shift; None without one of them."""
         return None if self.start is None or self.end is None else slice(int(round(self.start)), self.end + 1)
 
+    @property
+    def extremes(self) -> slice | None:
+        """Samples in which the highest torque and the lowest speed are looked for; None without a window."""
+        return None if self.window is None or self.deepest is None else slice(self.window.start, self.deepest + 1)
+
+    @cached_property
+    def deepest(self) -> int | None:
+        """Last sample whose extremes count: the end of the slip, or in a downshift where the output then stops falling.
+
+        7.1.5 ends t_dtr behind the lowest output speed. Where a shaft swings on behind lock-up, slip has ended before it, and the
+        torque that ends the fall is the highest.
+        """
+        if self.end is None or not self.down or self.old is None or self.turns_round:
+            return self.end
+        name = self.box.output.speed
+        speed = self.way * self.smooth[name][self.end : self.last + 1]
+        noise = max(quantum(self.raw[name]), white_noise(self.raw[name][: self.order]))
+        rises = first_true(speed > np.minimum.accumulate(speed) + noise)
+        fall = speed[:rises]
+        return self.end + int(fall.argmin()) if fall.min() < speed[0] - noise else self.end
+
     def seconds(self, first: float | None, last: float | None) -> float | None:
         """Return the time between two samples [s]; None without one of them."""
         return None if first is None or last is None else (last - first) * self.period
@@ -338,8 +360,8 @@ class CutShift:
 
     @property
     def lowest_speed(self) -> float | None:
-        """Lowest output speed of the window [rad/s]; None in a change of direction, where it passes standstill by intent."""
-        return None if self.window is None or self.turns_round else self.lowest(self.window)
+        """Lowest output speed of the shift [rad/s]; None in a change of direction, where it passes standstill by intent."""
+        return None if self.extremes is None or self.turns_round else self.lowest(self.extremes)
 
     @property
     def speed_ratio(self) -> float | None:

@@ -233,7 +233,8 @@ def _torques(procedure: str, conditions: dict, recording: Recording, row: dict) 
 def peak_event(procedure: str, conditions: dict, recording: Recording, row: dict) -> Record:
     """Return whether the output is slower than in the new gear, by more than the encoder's error, when M_wej is highest.
 
-    Only the time of t_dtr counts (7.1.5), and both are means over 2 ms as in Annex A.
+    As in Annex A, whose peaks 7.4.2.2 speaks of: from the start of t_dtr to the end of t_o, by means over 2 ms, and the speed of
+    the gear is that at the input's speed before the order, as in k_r (7.4).
 
     Parameters
     ----------
@@ -251,18 +252,13 @@ def peak_event(procedure: str, conditions: dict, recording: Recording, row: dict
     Record
         The class peak_event.
     """
-    end = None if row["t_c_s"] is None else row["t_order_s"] + row["t_c_s"]
-    if end is None or row["t_dt_s"] is None:
+    if row["t_c_s"] is None or row["t_dt_s"] is None or row["t_o_s"] is None:
         return Record(procedure, conditions, {PEAK_EVENT: None}, {PEAK_EVENT: "; ".join(row["why"]) or "was not found"})
-    box = recording.transmission
-    first, last = (int(round((at - recording.t0) / recording.period)) for at in (end - row["t_dt_s"], end))
+    box, end = recording.transmission, row["t_order_s"] + row["t_c_s"]
+    first, last = (int(round((at - recording.t0) / recording.period)) for at in (end - row["t_dt_s"], end + row["t_o_s"]))
     width = odd_width(TORQUE_SPEED_MEAN, recording.period)
-    torque, into, out = (
-        running_mean(recording.channels[name], width)[first : last + 1]
-        for name in (box.input.torque, box.input.speed, box.output.speed)
-    )
-    at = int(np.argmax(torque))
-    below = into[at] / box.ratios[row["to_gear"]] - out[at] > ENCODER_ERROR
+    torque, out = (running_mean(recording.channels[name], width)[first : last + 1] for name in (box.input.torque, box.output.speed))
+    below = row["input_speed_rpm"] * pi / 30.0 / box.ratios[row["to_gear"]] - out[int(np.argmax(torque))] > ENCODER_ERROR
     return Record(procedure, conditions, {PEAK_EVENT: "below the speed of gear I" if below else "not below it"})
 
 
