@@ -41,4 +41,7 @@ def test_it_is_driven_from_its_page(tmp_path, rig, device, setting, value, signa
         loads = browser.js("document.querySelectorAll('[data-setting$=relief_pressure]').length")
         assert loads == browser.js("document.querySelectorAll('#setpoints [data-setting$=torque]').length"), "each in Nm too"
         assert browser.js("[...document.querySelectorAll('#setpoints .bad')].every((one) => !one.textContent)")
+        browser.js("document.querySelector('#sequences details').open = true")
+        browser.click("#run-own")  # of the steps that the page proposes
+        browser.until("document.getElementById('own-said').textContent.startsWith(\"sequence 'own' is done\")", 60)
         assert browser.troubles == []

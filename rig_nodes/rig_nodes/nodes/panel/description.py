@@ -33,6 +33,7 @@ from ...rig import (
     shown_unit,
 )
 from ..running_rig import read_in
+from .composed import steps_of
 from .loads import Load, loads_of
 
 if TYPE_CHECKING:
@@ -101,6 +102,7 @@ class Description:
             "sequences": [{"name": name, "text": text} for name, (_, text) in self._installed("sequences").items()],
             "procedures": [{"name": name, "text": text} for name, (_, text) in self._installed("procedures").items()],
             "drive": self._drive(),
+            "steps": steps_of(config, self.loads, self._drive()),
             "picture": self._picture(),
         }
 

@@ -2,15 +2,6 @@
 
 import { at, make } from "./link.js";
 
-const STEPS = {
-  "oil pressure": ["4 MPa", (value) => `oil: {pressure: ${value}}`],
-  gear: ["I", (value) => `shift: {to: ${value}, timeout: 10 s}`],
-  "motor speed": ["1500 rpm", (value) => `motor: {speed: ${value}}`],
-  "load torque": ["80 Nm", (value) => `load: {torque: ${value}}`],
-  wait: ["2 s", (value) => `wait: {for: ${value}}`],
-  "motor off": ["", () => "motor: {off: true}"],
-  "load off": ["", () => "load: {off: true}"],
-};
 const PLAIN = /^[\w. %°/+-]{0,40}$/; // what may stand as a value in the file
 
 export class Sequences {
@@ -26,10 +17,10 @@ export class Sequences {
     at("run-own").onclick = () => this.own();
     link.on("sequence", (message) => this.show(message));
     link.on("found", (message) => this.found(message));
-    for (const kind of ["oil pressure", "gear", "motor speed", "wait"]) this.add(kind);
   }
 
-  rig({ sequences, procedures }) {
+  rig({ sequences, procedures, steps }) {
+    this.compose(steps);
     const before = at("sequence").value;
     const all = { sequence: sequences, procedure: procedures };
     this.texts = new Map(Object.entries(all).flatMap(([kind, ones]) => ones.map((one) => [`${kind} ${one.name}`, one.text])));
@@ -86,11 +77,21 @@ export class Sequences {
     if (running && text) at("sequence-said").textContent = `${what} ${step} of ${steps}: ${text}`;
   }
 
+  // The kinds of steps of a rig; one with other kinds than the rig before begins with those up to "wait".
+  compose(steps) {
+    const before = this.steps?.keys();
+    this.steps = new Map(steps.map((one) => [one.kind, one]));
+    const kinds = [...this.steps.keys()];
+    if (before && kinds.join() === [...before].join()) return;
+    at("steps").replaceChildren();
+    for (const kind of kinds.slice(0, kinds.indexOf("wait") + 1)) this.add(kind);
+  }
+
   add(kind = "wait") {
-    const value = make("input", { size: 10, value: STEPS[kind][0], "aria-label": "value of the step" });
-    const which = make("select", { "aria-label": "kind of step" }, ...Object.keys(STEPS).map((name) => make("option", { selected: name === kind }, name)));
+    const value = make("input", { size: 10, value: this.steps.get(kind).value, "aria-label": "value of the step" });
+    const which = make("select", { "aria-label": "kind of step" }, ...[...this.steps.keys()].map((name) => make("option", { selected: name === kind }, name)));
     which.onchange = () => {
-      value.value = STEPS[which.value][0];
+      value.value = this.steps.get(which.value).value;
       value.hidden = !value.value;
     };
     value.hidden = !value.value;
@@ -107,7 +108,7 @@ export class Sequences {
         at("own-said").classList.add("bad");
         return;
       }
-      lines.push(`  - ${STEPS[row.querySelector("select").value][1](value)}`);
+      lines.push(`  - ${this.steps.get(row.querySelector("select").value).line.replace("VALUE", value)}`);
     }
     const name = at("sequence-name").value.trim();
     this.give(at("own-said"), "own sequence", { name, content: `description: composed on the page\nsteps:\n${lines.join("\n")}\n` });
