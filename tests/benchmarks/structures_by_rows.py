@@ -75,12 +75,20 @@ TOGETHER = {
     "plate_pack.break_slip": "0.978 mm",
 }
 
+# The same for break-away alone, with the friction's four values.
+FRICTION = {
+    "plate_pack.break_slip": "0.7887 mm",
+    "plate_pack.friction_kinetic": "0.09354 -",
+    "plate_pack.film_time": "287.7 ms",
+    "plate_pack.friction_speed": "0.7689 m/s",
+    "plate_pack.rest_torque": "53.21 Nm",
+}
 LIGHT, BREAK = {"input_shaft.damping": "1.5 Nm s/rad"}, {"plate_pack.break_slip": "1 mm"}
 DRAIN = {"valve_zr_p2.drain_bore_area": "0.22 mm2"}
 STRUCTURES = {
     "rigid input shaft": Structure(rig=RIGID),
     "drain bore of ZR-P2 0.22 mm2": Structure(DRAIN),
-    "break-away within 0.5 mm of slip": Structure({"plate_pack.break_slip": "0.5 mm"}),
+    "break-away within 0.8 mm of slip, friction calibrated": Structure(FRICTION),
     "shaft of 4 % of critical": Structure(LIGHT),
     "4 %, break-away within 1 mm": Structure({**LIGHT, **BREAK}),
     "4 %, break-away, drain bore of ZR-P2 0.22 mm2": Structure({**LIGHT, **BREAK, **DRAIN}),

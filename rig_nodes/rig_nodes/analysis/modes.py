@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import signal as filters
 
 from ..base import RigError, unknown
 from ..driveline import Modes, Response, Sensitivities, modes, response, sensitivities
@@ -314,6 +313,8 @@ def spectrum(values: Floats, period: float, parts_averaged: int = SEGMENTS, high
         raise RigError(f"the signal has {len(values)} values in this time, too few for a spectrum")
     if not np.isfinite(values).all():
         raise RigError("the signal has values that are not finite; a spectrum needs all of them")
+    from scipy import signal as filters  # imported here: it takes 0.5 s, for which who loads a rig would wait
+
     at, power = filters.welch(values, 1.0 / period, "hann", size, size // 2, PADDED * size, detrend="linear", scaling="spectrum")
     amplitudes = np.sqrt(2.0 * power)
     resolution = 1.0 / (size * period)

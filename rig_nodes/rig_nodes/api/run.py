@@ -71,7 +71,7 @@ class Run:
     >>> run.end
     {'state': 'ended', 'reason': 'the sequence ended'}
     >>> run.shifts["to_gear"], run.shifts["k"].round(3)
-    (array(['II', 'I'], dtype=object), array([0.997, 1.002]))
+    (array(['II', 'I'], dtype=object), array([0.997, 0.976]))
     >>> run.events[0]["text"]
     'the rig is ready'
     """
