@@ -176,7 +176,9 @@ def test_a_table_of_a_procedure_has_what_its_report_found(loads, tmp_path):
     assert columns and len(one) == 2, one.columns
     for row in found:
         if (name := f"{row['kind']}.{row['key']}") in columns:
-            assert one[name].mean() == pytest.approx(row["mean"])
+            factor = {"ms": 1e-3, "MPa": 1e6}.get(row["unit"], 1.0)
+            assert one[name].mean() == pytest.approx(factor * row["mean"])
+    assert one.units["ZR-P1.valve_delay_s"] == "s" and one["ZR-P1.valve_delay_s"].mean() == pytest.approx(0.194, abs=2e-3)
 
 
 def test_series_are_listed_with_their_conditions(rig, loads, capsys):

@@ -5,21 +5,22 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..analysis import ENDS, build_report, gather, member_of, write_procedure, write_report
-from ..base import waiting
+from ..base import SI, UNITS, waiting
 from ..runs import load_procedure, prepare, run_folder, simulate
 from .given import path_of, texts
 from .rig import Rig, rig_from
-from .table import Table
+from .table import Table, column_unit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from ..analysis import Member
+    from ..analysis import Member, Result
     from ..rig import RigConfig
     from ..runs import Procedure, Series
     from ..runs import Sequence as Steps
@@ -157,9 +158,21 @@ def _table(chosen: Sequence[Series], members: Sequence[Member]) -> Table:
         found: dict[str, list[float]] = {}
         for one in member.results:
             if one.value is not None and one.kind not in ENDS:
-                units.setdefault(column := f"{one.kind}.{one.key}", one.unit.strip("-"))
-                found.setdefault(column, []).append(one.value)
+                unit, factor = _unit_of(one)
+                units.setdefault(column := f"{one.kind}.{one.key}", unit)
+                found.setdefault(column, []).append(factor * one.value)
         means = {column: sum(values) / len(values) for column, values in found.items()}
         end = {"label": member.label, "run": member.name, "end": member.failed or "ended"}
         rows.append({**conditions[member.label], **means, **end})
     return Table(units, rows)
+
+
+def _unit_of(one: Result) -> tuple[str, float]:
+    """Return the unit that a result has in a table, and the factor to it from the one in which a report shows it."""
+    shown = [part for part in one.unit.strip("-").split("/") if part in UNITS]
+    if unit := column_unit(one.key):
+        return unit, UNITS[one.unit][1] / UNITS[unit][1] if unit != one.unit else 1.0
+    if "/".join(shown) != one.unit:
+        return one.unit.strip("-"), 1.0
+    factors = [UNITS[part][1] for part in shown]
+    return "/".join(SI.get(UNITS[part][0], part) for part in shown), factors[0] / math.prod(factors[1:])
