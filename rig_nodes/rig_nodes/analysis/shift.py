@@ -334,8 +334,7 @@ class CutShift:
     def deepest(self) -> int | None:
         """Last sample whose extremes count: the end of the slip, or in a downshift where the output then stops falling.
 
-        7.1.5 ends t_dtr behind the lowest output speed. Where a shaft swings on behind lock-up, slip has ended before it, and the
-        torque that ends the fall is the highest.
+        7.1.5 ends t_dtr behind the lowest output speed, which comes after the end of the slip where a shaft swings on.
         """
         if self.end is None or not self.down or self.old is None or self.turns_round:
             return self.end
