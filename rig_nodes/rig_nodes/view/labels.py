@@ -173,7 +173,7 @@ def around(point: np.ndarray, size: tuple[float, float]) -> np.ndarray:
 
 def anywhere(size: tuple[float, float], room: tuple[int, int]) -> np.ndarray:
     """Return wishes (n, 3) for a note, which belongs to no curve: all over the plot, best on the left."""
-    left, low = np.meshgrid(*(np.arange(ROOM + 2.0, max(ROOM + 3.0, all - own - ROOM), STEP) for all, own in zip(room, size)))
+    left, low = np.meshgrid(*(np.arange(ROOM + 2.0, max(ROOM + 3.0, whole - own - ROOM), STEP) for whole, own in zip(room, size)))
     return np.stack([left, low, 0.2 * left], axis=-1).reshape(-1, 3)
 
 
