@@ -105,13 +105,16 @@ def test_foreign_packets_are_counted_and_named_once(config):
         shout()
         plug.wait(10)
         shout()
-        answered = sum(plug.step(sample, [0.0] * 3, [0.0, 0.0, 0.0, 0.0]) is not None for sample in range(200))
+        until, answered, sample = time.monotonic() + 60.0, 0, 0
+        while answered < 50 and time.monotonic() < until:  # a busy machine answers fewer of them in time
+            answered += plug.step(sample, [0.0] * 3, [0.0, 0.0, 0.0, 0.0]) is not None
+            sample += 1
     finally:
         stop.set()
         thread.join()
         plug.close()
         bus.shutdown()
-    assert answered > 50
+    assert answered == 50
     sentence = "what came could not be read (CanOperationError: a packet is no frame of python-can)"
     assert plug.ignored.counts == {sentence: 2 * len(FOREIGN)} and controller.ignored.counts == plug.ignored.counts
     assert [text for text in reports if "could not be read" in text] == [

@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -585,6 +586,27 @@ def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_p
             process.kill()
             errors[language] = process.communicate()[1]
     assert errors == dict.fromkeys(commands, "message of the rig: no\n")
+
+
+@pytest.mark.parametrize("language", ["c", "python"])
+def test_a_rig_that_began_anew_is_greeted_at_once(port, program, language):
+    """`rig run` answers a waiting controller before its node does; the node then turns down each frame of that session."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rig:
+        rig.settimeout(10.0)
+        rig.bind(("127.0.0.1", port))
+        program(language)
+
+        def greeted():
+            while (came := rig.recvfrom(2048)) and unpack(came[0])[0] != HELLO:
+                pass
+            return came[1]
+
+        peer, began = greeted(), time.monotonic()
+        for _ in range(20):
+            rig.sendto(pack(BYE, 5, 0, "another run; send HELLO"), peer)
+        for _ in range(10):
+            greeted()
+        assert time.monotonic() - began < 6.0, "each refusal of another session cost a second"
 
 
 def test_the_c_header_is_usable_from_cpp(tmp_path):

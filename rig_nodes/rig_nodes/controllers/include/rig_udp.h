@@ -17,6 +17,7 @@
 
 #include <arpa/inet.h>
 #include <poll.h>
+#include <sched.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,7 +39,9 @@ enum { RIG_HELLO = 1, RIG_INFO, RIG_ASK, RIG_NAME, RIG_READY, RIG_SAMPLE, RIG_AN
 /* the rig's lists of names; a frame NAME states to which list its name belongs */
 enum { RIG_LIST_SETTINGS, RIG_LIST_OUTPUTS, RIG_LIST_TRANSDUCERS, RIG_LIST_GEARS, RIG_LISTS };
 enum { RIG_WANT = 1, RIG_SIGNAL, RIG_SETTING }; /* kind of the name in a frame OWN */
-enum { RIG_UDP_AGAIN = 200, RIG_UDP_KEEP_ALIVE = 500, RIG_UDP_RESEND = 20, RIG_UDP_TRIES = 50 }; /* ms; times */
+enum { RIG_UDP_AGAIN = 200, RIG_UDP_REFUSED = 1000, RIG_UDP_KEEP_ALIVE = 500, RIG_UDP_RESEND = 20, RIG_UDP_TRIES = 50 }; /* ms; times */
+/* Priority of real time, as of the rig's own nodes: with less, the controller waits for them on a busy machine. */
+enum { RIG_UDP_PRIORITY = 10 };
 
 /* Every member lies at a multiple of its size, so that no compiler leaves gaps. */
 typedef struct {
@@ -84,6 +87,7 @@ typedef struct {
   uint32_t wants, signals, settings; /* numbers of the controller's names */
   uint32_t outputs, transducers;     /* numbers of the rig's outputs and transducers */
   uint32_t session, last;
+  long long hello_at; /* time [ms] from which on a controller that waits says HELLO */
   rig_udp_frame answer;
   void *instance;
   rig_controller_inputs inputs;
@@ -93,6 +97,12 @@ typedef struct {
 
 /* A signal handler sets it; rig_udp_serve then sends a BYE and returns. */
 static volatile sig_atomic_t rig_udp_stop;
+
+static long long rig_udp_now(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return 1000LL * now.tv_sec + now.tv_nsec / 1000000;
+}
 
 static uint32_t rig_udp_size(unsigned kind) {
   static const uint32_t body[] = {0, 24, 56, 8, 80, 8, 24, 16 + RIG_CONTROLLER_TEXT, RIG_CONTROLLER_TEXT, 80};
@@ -196,7 +206,7 @@ static void rig_udp_ready(rig_udp_client *client) {
   rig_udp_send(client, &frame, RIG_READY, 0);
 }
 
-/* Requests one of the rig's names until it arrives; returns 0 when the rig no longer answers. */
+/* Requests one of the rig's names until it arrives; returns 0 when the rig no longer answers or has another session. */
 static int rig_udp_name(rig_udp_client *client, uint32_t list, uint32_t index, rig_udp_frame *frame) {
   for (int tries = 0; tries < RIG_UDP_TRIES && !rig_udp_stop; tries++) {
     rig_udp_frame ask;
@@ -204,10 +214,11 @@ static int rig_udp_name(rig_udp_client *client, uint32_t list, uint32_t index, r
     ask.body.ask.index = index;
     ask.body.ask.list = list;
     rig_udp_send(client, &ask, RIG_ASK, 0);
-    while (rig_udp_receive(client, frame, RIG_UDP_RESEND))
-      if (frame->header.kind == RIG_NAME && frame->header.session == client->session &&
-          frame->body.name.index == index && frame->body.name.list == list)
-        return 1;
+    while (rig_udp_receive(client, frame, RIG_UDP_RESEND)) {
+      if (frame->header.session != client->session) continue;
+      if (frame->header.kind == RIG_BYE) return 0;
+      if (frame->header.kind == RIG_NAME && frame->body.name.index == index && frame->body.name.list == list) return 1;
+    }
   }
   return 0;
 }
@@ -349,8 +360,10 @@ static int rig_udp_serve(const char *host, int port, int once) {
   static rig_udp_client client;
   struct sockaddr_in rig;
   rig_udp_frame frame;
+  struct sched_param priority;
   int over = 0;
   memset(&rig, 0, sizeof rig);
+  memset(&priority, 0, sizeof priority);
   rig.sin_family = AF_INET;
   rig.sin_port = htons((uint16_t)port);
   if (inet_pton(AF_INET, host, &rig.sin_addr) != 1 || port < 1 || port > 65535) {
@@ -363,18 +376,20 @@ static int rig_udp_serve(const char *host, int port, int once) {
     perror(host);
     return 1;
   }
+  priority.sched_priority = RIG_UDP_PRIORITY;
+  (void)sched_setscheduler(0, SCHED_FIFO, &priority); /* it fails without the right, which is no error */
   printf("waiting for the rig at %s:%d, until Ctrl-C\n", host, port);
   fflush(stdout);
   while (!rig_udp_stop && !client.refused && !(over && once)) {
-    if (!client.running) rig_udp_hello(&client);
+    if (!client.running && rig_udp_now() >= client.hello_at) rig_udp_hello(&client);
     if (!rig_udp_receive(&client, &frame, client.running && client.last ? RIG_UDP_KEEP_ALIVE : RIG_UDP_AGAIN)) {
       if (client.running && !client.last) rig_udp_ready(&client); /* repeated until a sample arrives */
       else if (client.running) rig_udp_hello(&client); /* checks whether the same rig still answers */
     } else if (frame.header.kind == RIG_INFO && frame.header.session != client.session) {
       rig_udp_begin(&client, &frame);
-    } else if (frame.header.kind == RIG_BYE && !client.running) {
+    } else if (frame.header.kind == RIG_BYE && frame.header.session == 0 && !client.running) {
       rig_udp_told(&client, &frame);
-      sleep(1);
+      client.hello_at = rig_udp_now() + RIG_UDP_REFUSED;
     } else if (frame.header.session == client.session && client.running) {
       if (frame.header.kind == RIG_ASK) rig_udp_own(&client, frame.body.ask.index);
       if (frame.header.kind == RIG_SAMPLE) rig_udp_step(&client, &frame);

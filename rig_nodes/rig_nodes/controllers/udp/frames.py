@@ -10,6 +10,7 @@ include/rig_udp.h is the same for C.
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
 import struct
@@ -42,6 +43,8 @@ TEXTS = {HELLO: (17,), INFO: (17,), NAME: (48, 16), OWN: (48, 16)}  # bytes of t
 LEVELS = {"duty": 1, "current": 2}
 LONGEST = 2048  # bytes of any frame
 AGAIN = 0.2  # s between two HELLO frames of a controller that waits for a rig
+REFUSED = 1.0  # s until the next HELLO of a controller that the rig has sent away
+PRIORITY = 10  # of real time, as of the rig's own nodes: with less, the controller waits for them on a busy machine
 KEEP_ALIVE = 0.5  # s without a frame of the rig after which the controller sends HELLO again
 
 
@@ -148,6 +151,7 @@ class Client:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.connect(self.rig)
         self.session, self.running, self.last, self.answer = 0, False, 0, b""
+        self.hello_at = 0.0  # time.monotonic() from which on a controller that waits says HELLO
         self.outputs, self.transducers = [], []  # the rig's names
         self.last_message = ""  # the rig's newest message; the rig repeats it every second, it is printed once
         self.ignored = 0  # number of frames that were not used
@@ -162,8 +166,12 @@ class Client:
 
     def send(self, kind: int, *values: float | str, frame: int = 0) -> None:
         """Send one frame; it is no error when the rig is not there yet."""
+        self.send_bytes(pack(kind, self.session, frame, *values))
+
+    def send_bytes(self, data: bytes) -> None:
+        """Send the bytes of a frame, as :meth:`send`."""
         with contextlib.suppress(ConnectionRefusedError):
-            self.socket.send(pack(kind, self.session, frame, *values))
+            self.socket.send(data)
 
     def receive(self, seconds: float) -> tuple[int, int, int, tuple] | None:
         """Return the rig's next frame.
@@ -213,7 +221,7 @@ class Client:
 
     def run(self) -> bool:
         """Handle the next frame, if one comes; return True at the end of a run."""
-        if not self.running:
+        if not self.running and time.monotonic() >= self.hello_at:
             self.send(HELLO, self.levels, 0, "")
         came = self.receive(KEEP_ALIVE if self.running and self.last else AGAIN)
         if came is None:
@@ -228,9 +236,9 @@ class Client:
                 self.begin(session, values)
             else:
                 self.ignore(f"the run is at level {values[0]}, which is neither duty (1) nor current (2)")
-        elif kind == BYE and not self.running:
+        elif kind == BYE and session == 0 and not self.running:
             self.show(text(values[0]))
-            time.sleep(1.0)
+            self.hello_at = time.monotonic() + REFUSED
         elif session != self.session or not self.running:
             return False
         elif kind == ASK and values[0] < len(self.own):
@@ -299,7 +307,7 @@ class Client:
         Returns
         -------
         tuple or None
-            (value, name, unit); None when no answer comes.
+            (value, name, unit); None when no answer comes, or the answer that the rig has another session.
         """
         for _ in range(50):
             self.send(ASK, index, what)
@@ -308,13 +316,15 @@ class Client:
                 kind, session, _, values = came
                 if kind == NAME and session == self.session and values[:2] == (index, what):
                     return values[2], text(values[3]), text(values[4])
+                if kind == BYE and session == self.session:
+                    return None
                 came = self.receive(0.02)
         return None
 
     def step(self, frame: int, values: tuple) -> None:
         """Answer a sample: compute once, and send the same answer again when the same sample comes again."""
         if frame == self.last:
-            self.socket.send(self.answer)
+            self.send_bytes(self.answer)
             return
         if frame < self.last:
             return
@@ -349,7 +359,7 @@ class Client:
             str(getattr(out, "message", "")),
             more=[*map(float, command), *map(float, setpoint), *(float(own[name]) for name in self.signals if name in own)],
         )
-        self.socket.send(self.answer)
+        self.send_bytes(self.answer)
 
     def end(self) -> None:
         """End the run for the controller."""
@@ -382,6 +392,8 @@ def serve(
 ) -> None:
     """Connect a controller with a rig that is started with ``--controller udp:PORT``; either may start first.
 
+    The calling thread gets real-time priority, as the rig's nodes have it, where the user may have it.
+
     Parameters
     ----------
     controller, host, port, levels
@@ -390,5 +402,7 @@ def serve(
         True: return after the first run.
     """
     client = Client(controller, host, port, levels)
+    with contextlib.suppress(AttributeError, OSError):  # of another system, or without the right
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
     print(f"waiting for the rig at {host}:{port}, until Ctrl-C", flush=True)
     client.serve(once)
