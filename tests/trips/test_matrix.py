@@ -3,10 +3,13 @@
 
 """The trip matrix: every trip of every installed rig at its threshold, by the compiled look at made numbers, without a run."""
 
+import json
+
 import numpy as np
 import pytest
 
 from rig_nodes.base import njit, rig_folders
+from rig_nodes.cli.main import main
 from rig_nodes.plant import ALL, TRIPPED, World
 from rig_nodes.plant.engine.watch import watched
 from rig_nodes.rig import GEAR, STAYED, load_rig
@@ -196,6 +199,16 @@ def test_trips_that_are_ruled_out_are_those_of_which_nothing_is_true(rig):
     said = np.stack([random.integers(0, 3, 4000 // 50).repeat(50), random.integers(0, 2, 4000 // 25).repeat(25)], axis=1)
     numbers, row = np.zeros(count), np.zeros(len(world.plan.channels))
     assert both_look(quick.arrays, thorough.arrays, numbers, row, walk, said.astype(float)) == NOT_YET
+
+
+@pytest.mark.parametrize("rig", ["hydmag", "chain_saw"])
+def test_trips_without_a_limit_are_listed_too(rig, capsys):
+    """A run's record names one of the listed trips, whatever ended the run."""
+    assert main(["list", "trips", "--rig", rig, "--json", "-"]) == 0
+    listed = {row["trip"] for row in json.loads(capsys.readouterr().out)}
+    others = {"e_stop", "device_silent", "process_lost", "ended_early", "stood_still", "no_finite_number", "not_settled"}
+    own = {"controller_silent", "controller_failed"} if rig == "hydmag" else set()
+    assert listed == {trip.name for trip in load_rig(rig).trips} | others | own
 
 
 @pytest.mark.parametrize("rig", list(rig_folders()))

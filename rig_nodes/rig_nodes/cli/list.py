@@ -159,7 +159,10 @@ def _settings(rig: str | None) -> list[dict[str, str]]:
 
 
 def _trips(rig: str | None) -> list[dict[str, str]]:
-    return [trip.row() for trip in _known(rig).trips]
+    from ..runs import trips_without_limits
+
+    config = _known(rig)
+    return trips_without_limits(config) + [trip.row() for trip in config.trips]
 
 
 def _topics(rig: str | None) -> list[dict[str, str]]:
