@@ -50,7 +50,9 @@ def lost(numbers, out):
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
     """Folder of the commands, and what has been printed so far: a lesson compares itself with those before."""
-    return {"folder": tmp_path_factory.mktemp("lessons"), "out": ""}
+    folder = tmp_path_factory.mktemp("lessons")
+    (folder / "docs").symlink_to(LEARN.parent)
+    return {"folder": folder, "out": ""}
 
 
 # the others, each a run or more, in a campaign

@@ -12,7 +12,9 @@ from rig_nodes.view import Pages, draw_figure, figure_of_shift, figures_of_compa
 from ..labels import hidden, struck
 
 RIGS = {"hydmag": "demo", "ural2": "demo", "cylinder_bench": "cylinder_bench"}
-OTHERS = dict.fromkeys(("chain_saw", "frame_saw", "hydmag_engine", "hydmag_hydrostatic", "three_speed"), "demo")
+OTHERS = dict.fromkeys(
+    ("chain_saw", "chapter9", "frame_saw", "hydmag_coupling", "hydmag_engine", "hydmag_hydrostatic", "three_speed"), "demo"
+)
 OTHERS |= {rig: rig for rig in ("clutch_bench", "spring_bench")}
 NO_PLACE = {  # oscillating torques fill their plot; the three strokes of the springs lie within 20 pixels
     "chain_saw": ["shoe_clutch_torque"],
