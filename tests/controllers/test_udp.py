@@ -539,7 +539,7 @@ def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_p
 
 @pytest.mark.parametrize("language", ["c", "python"])
 def test_a_rig_that_began_anew_is_greeted_at_once(port, program, language):
-    """`rig run` answers a waiting controller before its node does; the node then turns down each frame of that session."""
+    """A rig turns down each frame that it finds of a session before it, and there may be many."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rig:
         rig.settimeout(10.0)
         rig.bind(("127.0.0.1", port))
