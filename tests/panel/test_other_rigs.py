@@ -40,7 +40,7 @@ def test_it_is_driven_from_its_page(tmp_path, rig, device, setting, value, signa
         assert browser.text("#driveline").strip(), "it has a picture of its own"
         loads = browser.js("document.querySelectorAll('[data-setting$=relief_pressure]').length")
         assert loads == browser.js("document.querySelectorAll('#setpoints [data-setting$=torque]').length"), "each in Nm too"
-        assert browser.js("[...document.querySelectorAll('#setpoints .bad')].every((one) => !one.textContent)")
+        assert browser.js("document.querySelectorAll('#setpoints .said[data-kind=refused]').length") == 0
         browser.js("document.querySelector('#sequences details').open = true")
         browser.click("#run-own")  # of the steps that the page proposes
         browser.until("document.getElementById('own-said').textContent.startsWith(\"sequence 'own' is done\")", 60)

@@ -52,14 +52,14 @@ def test_a_load_is_given_as_torque_and_the_page_says_what_the_rig_makes_of_it(pa
     torque = "[...document.querySelectorAll('.chip')].find((one) => one.innerText.startsWith('M_wyj')).querySelector('.value')"
     page.until(f"Math.abs(Number({torque}.textContent) - 60) < 4")
     held = page.js(f"Number(document.querySelector('{field('load_pump.torque')}').value)")
-    assert held == pytest.approx(60, abs=1) and page.text("[data-setting='load_pump.torque'] .bad") == ""
+    assert held == pytest.approx(60, abs=1) and page.text("[data-setting='load_pump.torque'] .said") == ""
     relief = page.js(f"Number(document.querySelector('{field('load_pump.relief_pressure')}').value)")
     page.write(field("motor.speed"), "1500")  # a relief valve gives more pressure at this speed (Annex D)
     page.until(f"Number(document.querySelector('{field('load_pump.torque')}').value) > {held} + 3")
     assert page.js(f"Number(document.querySelector('{field('load_pump.relief_pressure')}').value)") == relief
     page.write(field("load_pump.torque"), "900")
-    page.until("document.querySelector(\"[data-setting='load_pump.torque'] .bad\").textContent")
-    assert page.text("[data-setting='load_pump.torque'] .bad").startswith("load_pump.torque is 900 Nm, outside 0 to")
+    page.until("document.querySelector(\"[data-setting='load_pump.torque'] .said\").textContent")
+    assert page.text("[data-setting='load_pump.torque'] .said").startswith("load_pump.torque is 900 Nm, outside 0 to")
     page.write(field("load_pump.torque"), "60")
     page.click(field("load_pump.enabled"))
     page.write(field("motor.speed"), "1000")
@@ -72,7 +72,7 @@ def test_a_profile_that_is_dragged_is_what_the_rig_has_and_the_bag_holds(page, p
         f"(() => {{ const v = document.querySelector('{OUTPUT} [aria-label$=\"P3, mA\"]').value; "
         f"return v !== '{before}' && !document.querySelector('{OUTPUT} .wanted') && v; }})()"
     )
-    assert float(after) < float(before) and page.text(f"{OUTPUT} .bad") == ""
+    assert float(after) < float(before) and page.text(f"{OUTPUT} .said") == ""
     page.click("[data-gear='1']")
     page.until("document.getElementById('shifting').textContent.startsWith('gear I after')")
     with urlopen(f"{panel.origin}/bag.zip?token={panel.token}&name=first") as answer:
@@ -83,7 +83,7 @@ def test_a_profile_that_is_dragged_is_what_the_rig_has_and_the_bag_holds(page, p
 
 def test_a_value_that_is_refused_says_why_beside_the_hand(page):
     page.write(field("motor.speed"), "50000")
-    said = "[data-setting='motor.speed'] .bad"
+    said = "[data-setting='motor.speed'] .said"
     page.until(f'document.querySelector("{said}").textContent')
     assert page.text(said) == "motor.speed is 50000 rpm, outside 0 to 3000 rpm"
     page.write(field("motor.speed"), "1000")
@@ -154,10 +154,43 @@ def test_a_trip_of_the_pages_own_doing_is_named_and_reset(page):
     page.until(f"{STATE} === 'ready' && document.getElementById('reason').hidden")
 
 
+def children(pid) -> list[int]:
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def rig_of(panel) -> int:
+    """Returns the process `rig run` of a page."""
+    return next(pid for pid in children(panel.process.pid) if b"\0run\0" in Path(f"/proc/{pid}/cmdline").read_bytes())
+
+
+def test_an_order_says_that_it_waits_for_the_rig_and_how_old_the_samples_are(page, panel):
+    switch, said = field("oil_supply.enabled"), "document.querySelector(\"[data-setting='oil_supply.enabled'] .said\").textContent"
+    before = page.text(switch)
+    stopped = [pid for server in children(rig_of(panel)) for pid in children(server)]
+    try:
+        for pid in stopped:
+            os.kill(pid, signal.SIGSTOP)
+        page.click(switch)
+        page.click("[data-gear='1']")
+        for place in (said, "document.getElementById('shifting').textContent"):
+            page.until(f"{place} === 'asked'")
+        assert page.js(f"document.querySelector('{switch}').getAttribute('aria-busy')") == "true"
+        page.until("document.getElementById('clock').textContent.endsWith('; nothing new for 2 s')")
+        page.until(f"{said} === 'asked; the rig has not answered for 5 s'")
+        assert page.text(switch) == before, "it shows what the rig has"
+    finally:
+        for pid in stopped:
+            os.kill(pid, signal.SIGCONT)
+    page.until(f"document.querySelector('{switch}').textContent !== '{before}' && {said} === ''")
+    page.until("!document.getElementById('clock').textContent.includes('nothing new')")
+    page.until(f"{STATE} === 'tripped'")  # the controller was silent
+    page.click("#reset")
+    page.until("document.getElementById('said').textContent")
+    page.until(f"{STATE} === 'ready'")
+
+
 def test_the_rig_is_started_again_under_the_page(page, panel):
-    children = Path(f"/proc/{panel.process.pid}/task/{panel.process.pid}/children").read_text().split()
-    rig = next(int(pid) for pid in children if b"\0run\0" in Path(f"/proc/{pid}/cmdline").read_bytes())
-    os.kill(rig, signal.SIGINT)
+    os.kill(rig_of(panel), signal.SIGINT)
     page.until(f"{STATE} === 'away' && !document.getElementById('start').hidden", 60)
     page.until("document.getElementById('reason').textContent === 'the rig has ended'")
     page.click("#start")

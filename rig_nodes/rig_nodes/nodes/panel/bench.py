@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import queue
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 
 SLICE = 0.01  # s between two looks for orders
 KEPT = 20_000  # messages of one topic that wait for the page's thread, 20 s at 1 kHz; the newest stay
+FOUND = 10.0  # s in which the server of an action is found on a busy machine
 BEHIND = 0.3  # s by which a busy machine may be behind with a topic, of which then the newest messages are received
 NODE = "panel"
 
@@ -219,13 +221,13 @@ class Bench:
         self._jobs.put(begin)
         return result
 
-    def shift(self, gear: int) -> Future:
-        """Order a gear by its number; the result is the message on the shift's end."""
-        return self._act(self._shift, Shift.Goal(gear=gear), "the shift controller", f"has no gear {gear}")
+    def shift(self, gear: int, accepted: Callable[[], None]) -> Future:
+        """Order a gear by its number; ``accepted`` is called when the shift begins, the result is the message on its end."""
+        return self._act(self._shift, Shift.Goal(gear=gear), accepted, "the shift controller", f"has no gear {gear}")
 
-    def run_sequence(self, name: str) -> Future:
-        """Start a sequence; the result is the message on its end."""
-        return self._act(self._sequence, RunSequence.Goal(name=name), "the sequencer", "has refused the sequence")
+    def run_sequence(self, name: str, accepted: Callable[[], None]) -> Future:
+        """Start a sequence; ``accepted`` is called when it begins, the result is the message on its end."""
+        return self._act(self._sequence, RunSequence.Goal(name=name), accepted, "the sequencer", "has refused the sequence")
 
     def cancel_sequence(self) -> Future:
         """Cancel the sequence that runs, whoever has started it; the result is a sentence."""
@@ -238,9 +240,9 @@ class Bench:
         # a request without an id and without a stamp is for all goals (action_msgs/CancelGoal)
         return self.call(CancelGoal, "/sequencer/run/_action/cancel_goal", CancelGoal.Request(), outcome)
 
-    def _act(self, client: ActionClient, goal: Any, server: str, rejected: str) -> Future:
+    def _act(self, client: ActionClient, goal: Any, accepted: Callable[[], None], server: str, rejected: str) -> Future:
         """Send a goal; ``server`` and ``rejected`` make the sentence of a goal that is not accepted."""
-        result: Future = Future()
+        result, asked = Future[str](), time.monotonic()
 
         def outcome(done: RosFuture) -> str:
             answer = done.result().result
@@ -251,6 +253,7 @@ class Bench:
         def answered(done: RosFuture) -> None:
             handle = done.result()
             if handle.accepted:
+                accepted()
                 handle.get_result_async().add_done_callback(lambda ended: settle(result, lambda: outcome(ended)))
             else:
                 settle(result, refuse(f"{server} {rejected}"))
@@ -258,8 +261,10 @@ class Bench:
         def begin() -> None:
             if client.server_is_ready():
                 client.send_goal_async(goal).add_done_callback(answered)
-            else:
+            elif time.monotonic() - asked > FOUND:
                 settle(result, refuse(f"{server} does not answer"))
+            elif not result.cancelled():
+                self._jobs.put(begin)
 
         self._jobs.put(begin)
         return result

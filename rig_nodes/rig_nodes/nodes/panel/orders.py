@@ -38,7 +38,17 @@ async def answered(future: Future, what: str, seconds: float = PATIENCE) -> Any:
     try:
         return await asyncio.wait_for(asyncio.wrap_future(future), seconds)
     except TimeoutError:
-        raise RigError(f"the rig does not answer: no {what} within {seconds:g} s") from None
+        raise RigError(f"the rig does not answer: no {what} within {seconds:g} s; what was ordered may still be done") from None
+
+
+def accepted(page: Page, message: dict[str, Any]) -> Callable[[], None]:
+    """Return a function for any thread that tells a page that what it has ordered has begun."""
+    loop, told = asyncio.get_running_loop(), {"kind": "accepted", "id": message.get("id")}
+
+    def tell() -> None:
+        loop.call_soon_threadsafe(page.tell, told)
+
+    return tell
 
 
 def text(message: dict[str, Any], key: str) -> str:
@@ -63,7 +73,7 @@ async def gear(panel: Panel, page: Page, message: dict[str, Any]) -> str:
     number = message.get("gear")
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number <= 255:
         raise RigError(f"'gear' is {brief(str(number))}, expected the number of a gear")
-    return await answered(panel.bench.shift(number), "end of the shift", LONGEST_SHIFT)
+    return await answered(panel.bench.shift(number, accepted(page, message)), "end of the shift", LONGEST_SHIFT)
 
 
 async def set_value(panel: Panel, page: Page, message: dict[str, Any]) -> str:
@@ -102,13 +112,14 @@ async def reset(panel: Panel, page: Page, message: dict[str, Any]) -> str:
 
 async def sequence(panel: Panel, page: Page, message: dict[str, Any]) -> str:
     """Run a sequence by its name, to its end."""
-    return await answered(panel.bench.run_sequence(text(message, "name")), "end of the sequence", LONGEST_SEQUENCE)
+    run = panel.bench.run_sequence(text(message, "name"), accepted(page, message))
+    return await answered(run, "end of the sequence", LONGEST_SEQUENCE)
 
 
 async def own_sequence(panel: Panel, page: Page, message: dict[str, Any]) -> str:
     """Save a composed sequence and run it, to its end."""
     path = save_sequence(message.get("name"), message.get("content"))
-    done = await answered(panel.bench.run_sequence(str(path)), "end of the sequence", LONGEST_SEQUENCE)
+    done = await answered(panel.bench.run_sequence(str(path), accepted(page, message)), "end of the sequence", LONGEST_SEQUENCE)
     return f"{done}; it is saved as {path}"
 
 
@@ -121,7 +132,9 @@ async def series(panel: Panel, page: Page, message: dict[str, Any]) -> str:
 
 async def procedure(panel: Panel, page: Page, message: dict[str, Any]) -> str:
     """Run a procedure, or those of its series that are named, to its end."""
-    return await panel.run_procedure(*await panel.series(text(message, "name"), str(message.get("series") or "")))
+    chosen = await panel.series(text(message, "name"), str(message.get("series") or ""))
+    accepted(page, message)()
+    return await panel.run_procedure(*chosen)
 
 
 async def abort(panel: Panel, page: Page, message: dict[str, Any]) -> str:

@@ -37,7 +37,7 @@ SILENT = 3 * SECOND  # ticks without a message after which the rig counts as awa
 EVENTS = 200  # that a new page gets
 EVENT = "rig_msgs/msg/Event"
 LEVELS = ("ok", "warn", "error", "stale")
-PATIENCE = 5.0  # s for the answer to an order that takes no time
+PATIENCE = 30.0  # s for the answer to an order that takes no time; the page says all the while that it waits
 
 
 class Panel:
@@ -74,7 +74,8 @@ class Panel:
         self.procedure: ProcedureRun | None = None
         self.shifts = Shifts(self.tell)
         self._events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
-        self._state: dict[str, Any] = {"kind": "state", "state": "away", "reason": "no rig answers yet"}
+        why = f"no rig answers in ROS domain {domain} yet" if own is None else "the rig is starting; the first time, it is compiled"
+        self._state: dict[str, Any] = {"kind": "state", "state": "away", "reason": why}
         self._health: dict[str, Any] = {}
         self._progress: dict[str, Any] = {"kind": "sequence", "running": False, "text": ""}
         self._found: dict[str, Any] = {}
@@ -168,7 +169,7 @@ class Panel:
 
     async def _ask_values(self, node: str) -> None:
         with suppress(RigError, TimeoutError):
-            found = await asyncio.wait_for(asyncio.wrap_future(self.bench.values(node)), 4 * PATIENCE)
+            found = await asyncio.wait_for(asyncio.wrap_future(self.bench.values(node)), PATIENCE)
             own = [described(self.about.setting(name)) for name in found if self.about and name.startswith(f"{CONTROLLER}.{OWN}")]
             if own:
                 self._own_settings = own

@@ -31,6 +31,7 @@ export class Link {
       if (typeof data !== "string") return this.emit("frame", data);
       const message = JSON.parse(data);
       if (message.kind === "answer") this.settle(message);
+      else if (message.kind === "accepted") this.waiting.get(message.id)?.accepted();
       else this.emit(message.kind, message);
     };
     this.socket.onclose = () => {
@@ -52,12 +53,12 @@ export class Link {
     else one.reject(new Error(text));
   }
 
-  // Gives an order; the promise has the rig's answer, or its refusal as an error.
-  ask(order, more = {}) {
+  // Gives an order; the promise has the rig's answer, or its refusal as an error; ``accepted`` is called when what takes time has begun.
+  ask(order, more = {}, accepted = () => {}) {
     return new Promise((resolve, reject) => {
       if (this.socket.readyState !== WebSocket.OPEN) return reject(new Error("there is no connection to the page's server"));
       const id = ++this.count;
-      this.waiting.set(id, { resolve, reject });
+      this.waiting.set(id, { resolve, reject, accepted });
       this.socket.send(JSON.stringify({ id, do: order, ...more }));
     });
   }

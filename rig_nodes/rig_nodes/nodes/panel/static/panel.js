@@ -3,11 +3,14 @@
 import { Charts } from "./charts.js";
 import { Driveline } from "./driveline.js";
 import { Link, at, make, shown } from "./link.js";
+import { order, orderAbove, say } from "./orders.js";
 import { Profiles } from "./profiles.js";
 import { Sequences } from "./sequences.js";
 import { Shifts } from "./shifts.js";
 
 const MOST_EVENTS = 300;
+const OLD = 1500; // ms without a new sample after which the clock says so
+const NEED_RIG = ["drive", "profiles", "controller", "settings", "faults"]; // what does nothing while no rig answers
 const link = new Link();
 const charts = new Charts(link);
 const driveline = new Driveline(charts);
@@ -44,29 +47,9 @@ export function note(text) {
   setTimeout(() => one.remove(), 9000);
 }
 
-// Gives an order and shows its answer in an element.
-async function order(where, what, more, quiet = false) {
-  try {
-    const answer = await link.ask(what, more);
-    where.textContent = quiet ? "" : answer;
-    if (!quiet) where.classList.remove("bad"); // a place for refusals only stays one
-    return true;
-  } catch (error) {
-    where.textContent = error.message;
-    where.classList.add("bad");
-    return false;
-  }
-}
-
-function ask(what, more) {
-  link.ask(what, more).then(note, (error) => note(error.message));
-}
-
-at("e_stop").onclick = () => ask("e_stop");
-at("reset").onclick = () => ask("reset");
-at("start").onclick = () => ask("start");
+for (const what of ["e_stop", "reset", "start"]) at(what).onclick = () => orderAbove(link, what, at(what));
 document.addEventListener("keydown", (event) => {
-  if (event.key === "Escape" && !event.repeat) ask("e_stop");
+  if (event.key === "Escape" && !event.repeat) orderAbove(link, "e_stop", at("e_stop"));
 });
 
 // ---- the rig
@@ -95,7 +78,7 @@ function gears({ gears: all }) {
   at("gears").replaceChildren(
     ...all.map(({ number, name }) => {
       const button = make("button", { "data-gear": number, "aria-pressed": "false", title: `order gear ${name}` }, number ? name : "N");
-      button.onclick = () => order(at("shifting"), "gear", { gear: number });
+      button.onclick = () => order(link, at("shifting"), "gear", { gear: number }, { control: button, begun: `gear ${name} is ordered` });
       return button;
     }),
   );
@@ -134,12 +117,12 @@ at("find").oninput = () => {
 
 function setting(one, slider) {
   const id = `set ${one.name}`;
-  const said = make("p", { class: "bad", role: "alert", id: `said ${one.name}` });
+  const said = make("p", { class: "said", role: "alert", id: `said ${one.name}` });
   const row = make("div", { class: "set", "data-words": `${one.name} ${one.text}`.toLowerCase(), "data-setting": one.name });
   const words = make("label", { for: id, title: one.text }, slider ? one.name.replace(".", " ").replaceAll("_", " ") : one.text);
   if (one.kind === "switch") {
     const button = make("button", { id, "aria-pressed": "false", "aria-describedby": said.id }, "off");
-    button.onclick = () => order(said, "set", { name: one.name, value: button.getAttribute("aria-pressed") === "true" ? "off" : "on" }, true);
+    button.onclick = () => order(link, said, "set", { name: one.name, value: button.getAttribute("aria-pressed") === "true" ? "off" : "on" }, { control: button, quiet: true });
     fields.set(one.name, (value) => {
       button.setAttribute("aria-pressed", String(value));
       button.textContent = value ? "on" : "off";
@@ -152,7 +135,8 @@ function setting(one, slider) {
   const ranged = one.low != null && one.high != null;
   const pull = slider && ranged ? make("input", { type: "range", min: one.low, max: one.high, step: (one.high - one.low) / 200, "aria-label": one.text }) : null;
   let held = null;
-  const give = (text) => order(said, "set", { name: one.name, value: /[a-z%°]/i.test(text) || !unit ? text : `${text} ${unit}` }, true).then((good) => good && held != null && show(held));
+  const value = (text) => (/[a-z%°]/i.test(text) || !unit ? text : `${text} ${unit}`);
+  const give = (text) => order(link, said, "set", { name: one.name, value: value(text) }, { control: field, quiet: true }).then((good) => good && held != null && show(held));
   const show = (value) => {
     held = value;
     if (document.activeElement !== field || !said.textContent) field.value = shown(value, 5).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "");
@@ -174,13 +158,20 @@ link.on("values", ({ values }) => {
 
 // ---- state, events, devices
 
+function usable(there) {
+  for (const id of NEED_RIG) at(id).inert = !there;
+  at("sequences").inert = !rig;
+}
+usable(false);
+
 link.on("state", (message) => {
-  at("state").textContent = message.e_stop ? "emergency stop" : message.state;
+  at("state").textContent = message.e_stop ? "emergency stop" : rig ? message.state : "no rig yet";
   at("state").className = `pill ${message.state}`;
   at("reason").textContent = message.reason ?? "";
   at("reason").hidden = !message.reason;
   at("reset").disabled = message.state !== "tripped";
   at("start").hidden = !(message.state === "away" && rig?.own);
+  usable(message.state !== "away");
   for (const button of at("gears").children) button.setAttribute("aria-pressed", String(+button.dataset.gear === message.gear));
   at("gears").setAttribute("aria-busy", String(Boolean(message.shifting)));
 });
@@ -205,18 +196,17 @@ link.on("recording", ({ paused }) => {
   at("rec-pause").textContent = paused ? "Go on with the recording" : "Pause the recording";
   at("rec-pause").dataset.paused = paused ? "yes" : "";
 });
-at("rec-pause").onclick = () => order(at("rec-said"), "record", { what: at("rec-pause").dataset.paused ? "resume" : "pause" });
-at("rec-split").onclick = () => order(at("rec-said"), "record", { what: "split" });
+at("rec-pause").onclick = () => order(link, at("rec-said"), "record", { what: at("rec-pause").dataset.paused ? "resume" : "pause" }, { control: at("rec-pause") });
+at("rec-split").onclick = () => order(link, at("rec-said"), "record", { what: "split" }, { control: at("rec-split") });
 for (const [id, ending] of [["rec-bag", "bag.zip"], ["rec-report", "report.html"]]) {
   at(id).onclick = async () => {
-    at("rec-said").textContent = "being made …";
+    say(at("rec-said"), "being made …", "asked");
     const answer = await fetch(`${ending}?name=${encodeURIComponent(at("rec-name").value)}`);
-    at("rec-said").classList.toggle("bad", !answer.ok);
-    if (!answer.ok) return (at("rec-said").textContent = (await answer.text()).replace(/^rig: /, ""));
+    if (!answer.ok) return say(at("rec-said"), (await answer.text()).replace(/^rig: /, ""), "refused");
     const address = URL.createObjectURL(await answer.blob());
     make("a", { href: address, download: `${at("rec-name").value || "recording"}.${ending.split(".")[1]}` }).click();
     setTimeout(() => URL.revokeObjectURL(address), 60000);
-    at("rec-said").textContent = "";
+    say(at("rec-said"), "");
   };
 }
 
@@ -259,13 +249,13 @@ function showFaults(all) {
     ...all
       .filter((one) => !one.lacking)
       .map((one) => {
-        const said = make("p", { class: "bad", role: "alert" });
+        const said = make("p", { class: "said", role: "alert" });
         const size = one.size ? make("input", { type: "text", inputmode: "decimal", value: shown(one.usual), "aria-label": `${one.name}: ${one.size}` }) : null;
         const button = make("button", { "aria-pressed": "false", "aria-label": one.name }, "off");
         button.onclick = () => {
           const on = button.getAttribute("aria-pressed") === "true";
           const wanted = size && !on ? `, size=${size.value} ${one.unit}` : "";
-          order(said, "fault", { order: on ? `${one.name}, off=true` : `${one.name}${wanted}` }, true);
+          order(link, said, "fault", { order: on ? `${one.name}, off=true` : `${one.name}${wanted}` }, { control: button, quiet: true });
         };
         faults.set(one.name, (event) => {
           const on = event === "fault_on";
@@ -286,12 +276,19 @@ link.on("open", () => {
   link.ask("record", { what: "ask" }).catch(() => {});
 });
 link.on("closed", () => {
+  usable(false);
   at("state").textContent = "no connection";
   at("state").className = "pill away";
   at("reason").textContent = "The page's server does not answer; it is tried again every second. After a new start of ./rig panel, open the new address.";
   at("reason").hidden = false;
 });
+let drawn = 0; // when the newest samples were drawn
 link.on("drawn", () => {
   driveline.draw();
+  drawn = performance.now();
   if (charts.now != null) at("clock").textContent = `${charts.now.toFixed(1)} s`;
 });
+setInterval(() => {
+  const silent = performance.now() - drawn;
+  if (charts.now != null && silent > OLD) at("clock").textContent = `${charts.now.toFixed(1)} s; nothing new for ${Math.floor(silent / 1000)} s`;
+}, 500);

@@ -1,6 +1,7 @@
 // The valve profiles P1 to P6 of each output: two curves that one drags; what is drawn solid is what the rig has.
 
 import { at, make } from "./link.js";
+import { order, say } from "./orders.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, GAP] = [440, 210, 40, 8, 12, 30, 26];
@@ -20,9 +21,9 @@ export class Profiles {
     at("load-controller").onchange = async () => {
       const [file] = at("load-controller").files;
       if (!file) return;
+      say(at("controller-said"), "asked", "asked");
       const answer = await fetch("controller.yaml", { method: "POST", body: await file.text() });
-      at("controller-said").textContent = (await answer.text()).replace(/^rig: /, "");
-      at("controller-said").classList.toggle("bad", !answer.ok);
+      say(at("controller-said"), (await answer.text()).replace(/^rig: /, ""), answer.ok ? "" : "refused");
       at("load-controller").value = "";
     };
   }
@@ -46,14 +47,14 @@ class Curve {
   constructor(link, { key, output, name, limit }) {
     Object.assign(this, { link, key, limit, had: {}, wanted: null });
     this.svg = draw("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "group", "aria-label": `profile of output ${output}` });
-    this.said = make("p", { class: "bad", role: "alert" });
+    this.said = make("p", { class: "said", role: "alert" });
     this.inputs = { times: [], currents: [] };
     const rows = [["times", "ms", 1e3], ["currents", "mA", 1e3]].map(([column, unit, factor]) =>
       make("tr", {}, make("th", { scope: "row" }, unit), ...[0, 1, 2, 3, 4, 5].map((k) => {
         const input = make("input", { type: "text", inputmode: "decimal", "aria-label": `output ${output}, P${k + 1}, ${unit}` });
         input.onchange = () => {
           const value = Number(input.value.replace(",", "."));
-          if (input.value.trim() === "" || !Number.isFinite(value)) return (this.said.textContent = `P${k + 1}: '${input.value}' is no number`);
+          if (input.value.trim() === "" || !Number.isFinite(value)) return say(this.said, `P${k + 1}: '${input.value}' is no number`, "refused");
           this.want()[column][k] = value / factor;
           this.give();
         };
@@ -78,12 +79,7 @@ class Curve {
     const sent = this.wanted;
     for (const column of ["times", "currents"]) sent[column] = sent[column].map((value) => Math.round(value * 1e3) / 1e3); // ms and mA
     this.show();
-    try {
-      await this.link.ask("profile", { key: this.key, ...sent });
-      this.said.textContent = "";
-    } catch (error) {
-      this.said.textContent = error.message;
-    }
+    await order(this.link, this.said, "profile", { key: this.key, ...sent }, { quiet: true });
     if (this.wanted === sent && !this.dragged) this.wanted = null;
     this.show();
   }

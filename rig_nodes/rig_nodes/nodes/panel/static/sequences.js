@@ -1,6 +1,7 @@
 // Sequences and procedures: those that the rig has, and a sequence composed of steps, which is saved on the rig's side and run from there.
 
 import { at, make } from "./link.js";
+import { order, say } from "./orders.js";
 
 const PLAIN = /^[\w. %°/+-]{0,40}$/; // what may stand as a value in the file
 
@@ -10,9 +11,9 @@ export class Sequences {
     at("sequence").onchange = () => this.describe();
     at("run").onclick = () => {
       const [kind, name] = this.chosen();
-      this.give(at("sequence-said"), kind, kind === "procedure" ? { name, series: at("series").value } : { name });
+      this.give(at("run"), at("sequence-said"), kind, kind === "procedure" ? { name, series: at("series").value } : { name });
     };
-    at("abort").onclick = () => this.give(at("sequence-said"), "abort", {});
+    at("abort").onclick = () => this.give(at("abort"), at("sequence-said"), "abort", {});
     at("add-step").onclick = () => this.add();
     at("run-own").onclick = () => this.own();
     link.on("sequence", (message) => this.show(message));
@@ -58,15 +59,8 @@ export class Sequences {
     at("found").replaceChildren(make("table", {}, make("caption", { class: "dim" }, `Found by ${procedure}, means of the runs of each series`), cells("th", head), ...rows.map((row) => cells("td", row))));
   }
 
-  async give(where, what, more) {
-    where.classList.remove("bad");
-    where.textContent = what === "abort" ? "" : "started";
-    try {
-      where.textContent = await this.link.ask(what, more);
-    } catch (error) {
-      where.textContent = error.message;
-      where.classList.add("bad");
-    }
+  give(control, where, what, more) {
+    order(this.link, where, what, more, { control, begun: "started" });
   }
 
   show({ running, what = "step", step = 0, steps = 1, text = "" }) {
@@ -74,7 +68,7 @@ export class Sequences {
     at("progress").max = steps;
     at("progress").value = step;
     at("abort").disabled = !running;
-    if (running && text) at("sequence-said").textContent = `${what} ${step} of ${steps}: ${text}`;
+    if (running && text) say(at("sequence-said"), `${what} ${step} of ${steps}: ${text}`);
   }
 
   // The kinds of steps of a rig; one with other kinds than the rig before begins with those up to "wait".
@@ -104,13 +98,11 @@ export class Sequences {
     for (const row of at("steps").children) {
       const value = row.querySelector("input").value.trim();
       if (!PLAIN.test(value)) {
-        at("own-said").textContent = `'${value}' is no value with a unit`;
-        at("own-said").classList.add("bad");
-        return;
+        return say(at("own-said"), `'${value}' is no value with a unit`, "refused");
       }
       lines.push(`  - ${this.steps.get(row.querySelector("select").value).line.replace("VALUE", value)}`);
     }
     const name = at("sequence-name").value.trim();
-    this.give(at("own-said"), "own sequence", { name, content: `description: composed on the page\nsteps:\n${lines.join("\n")}\n` });
+    this.give(at("run-own"), at("own-said"), "own sequence", { name, content: `description: composed on the page\nsteps:\n${lines.join("\n")}\n` });
   }
 }
