@@ -38,7 +38,7 @@ def exported(kind, folder):
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet", "mat", "mf4"])
-def test_an_exported_run_comes_back_with_the_same_bits_orders_and_metrics(kind, folder, bag, tmp_path):
+def test_an_exported_run_comes_back_with_the_same_bits_and_orders_and_its_metrics(kind, folder, bag, tmp_path):
     assert main(["import", str(exported(kind, folder)), "--out", str(tmp_path / "back")]) == 0
     back, ours = Bag(tmp_path / "back"), bag.logger()
     theirs = back.logger()
@@ -51,9 +51,12 @@ def test_an_exported_run_comes_back_with_the_same_bits_orders_and_metrics(kind, 
     assert info["seed"] == bag.run_info()["seed"] and info["imported"]["rig_named_by"] == "the exported run"
     reports = [json.loads((one / "report.json").read_text()) for one in (SAMPLE, tmp_path / "back")]
     measured = [key for key in metric_keys() if key not in ("why", "undefined")]
-    assert [[row[key] for key in measured] for row in reports[1]["shifts"]] == [
-        [row[key] for key in measured] for row in reports[0]["shifts"]
-    ]
+    assert len(reports[1]["shifts"]) == len(reports[0]["shifts"]) > 0
+    for row, recorded in zip(reports[1]["shifts"], reports[0]["shifts"]):
+        for key in measured:
+            # the sample's report may have been made on another type of processor, on which numpy adds in another order
+            told = recorded[key]
+            assert row[key] == (pytest.approx(told, rel=1e-9, abs=1e-12) if isinstance(told, float) else told), key
 
 
 def test_a_csv_is_plain_and_the_file_beside_it_describes_it(folder, bag):
