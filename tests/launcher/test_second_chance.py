@@ -10,11 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.cli.test import counted, failed_tests, may_try_again, parts_of, slowest
+from rig_nodes.cli.test import NOT_JUDGED, counted, failed_tests, may_try_again, parts_of, slowest
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import machine
 
 CLOCK = "tests/graph/test_live_graph.py::test_torque_is_read_without_gaps_and_in_time"
 PLAIN = "tests/plant/test_models.py::test_something"
 ROOT = Path(__file__).resolve().parents[2]
+WATCH = (ROOT / "tests/machine.py").read_text()
+TOLD = "not judged, because this machine does not keep time: tests/graph/test_one.py"
 RUN_ALL = (
     "import sys; from argparse import Namespace; from pathlib import Path; from rig_nodes.cli import test; "
     "test.tests_root = lambda: Path(sys.argv[1]); sys.exit(test.main(Namespace(passed_on=[])))"
@@ -115,16 +121,45 @@ def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "times, code, end", [(1, 0, "passed then"), (2, 0, "passed then"), (3, 1, "failed again: tests/graph/test_one.py")]
+    "times, still, code, end",
+    [
+        (1, 60.0, 0, "passed then"),
+        (2, 60.0, 0, "passed then"),
+        (3, 60.0, 1, "failed again: tests/graph/test_one.py"),
+        (3, -60.0, 0, TOLD),
+    ],
 )
-def test_what_fails_against_the_clock_runs_up_to_twice_more_alone(tmp_path, times, code, end):
+def test_what_fails_against_the_clock_runs_up_to_twice_more_alone(tmp_path, times, still, code, end):
+    """The last machine is one that is not fit: it is never late by less than -60 s."""
     (tmp_path / "pytest.ini").write_text(
         "[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\nmarkers =\n    campaign\n    against_the_clock\n"
     )
     (tmp_path / "tests" / "graph").mkdir(parents=True)
     (tmp_path / "tests" / "graph" / "test_one.py").write_text(LATE.replace("TIMES", str(times)))
+    watch = f"SLOWER, STILL = 1e3, {still}"  # the machine of this test plays no part
+    (tmp_path / "tests" / "machine.py").write_text(WATCH.replace("SLOWER = 1.5", watch).replace("STILL = 0.05", ""))
     done = subprocess.run([sys.executable, "-c", RUN_ALL, str(tmp_path)], capture_output=True, text=True, timeout=120)
     assert done.returncode == code and "rig: 1 failed, 1 passed in" in done.stdout, done.stdout + done.stderr
     last = done.stdout.splitlines()[-1]
     assert last == f"rig: failed the first time: tests/graph/test_one.py::test_late; {end}"
     assert (tmp_path / "beside").read_text() == "x", "what has no clock runs once"
+
+
+@pytest.mark.parametrize(
+    "late, took, why",
+    [
+        (0.02, machine.USUAL, ""),
+        (0.083, machine.USUAL, "this machine stood still for 83 ms at real-time priority"),
+        (0.02, 3.5 * machine.USUAL, "this machine is 3.5 times slower than a usual one"),
+    ],
+)
+def test_a_machine_is_fit_or_it_is_said_why_not(late, took, why):
+    assert machine.unfit(late, took).startswith(why) and bool(why) == bool(machine.unfit(late, took))
+    assert machine.NOT_JUDGED == NOT_JUDGED
+
+
+def test_what_is_measured_is_what_the_machine_does():
+    watched = machine.Watched()
+    late, took = watched.measured()
+    assert 0.0 <= late < 10.0 and 0.0 < took < 1.0
+    watched._process.communicate()
