@@ -93,6 +93,8 @@ def test_a_disk_that_another_program_fills_at_once_is_named(small_disk, speed, c
             fill(disk)
             code, output = run.end()
             traces.wait_gone()
-            found.append(check(code, output, run.folder, capsys))
+            # the rest of a short run may fit into the room that is kept for a bag
+            found.append(check(code, output, run.folder, capsys, fitted=True))
     with capsys.disabled():
         print(f"\nwhether the bag is sealed after the disk became full at once, at speed {speed}: {found}")
+    assert all(whole is not False for whole in found)

@@ -9,7 +9,6 @@ The headless run and the recorder use it. The same calls give the same bytes.
 from __future__ import annotations
 
 import itertools
-import os
 import struct
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -26,6 +25,7 @@ from ..rig import Topic, installed_topics
 from . import limits, metadata
 from .cdr import exact
 from .definitions import Definition, installed
+from .growing_file import GrowingFile
 from .mcap_writer import McapWriter, indexed, joined
 from .pieces import pack
 from .records import BYTES
@@ -399,38 +399,31 @@ class BagWriter:
             When the recording cannot go on.
         """
         try:
-            own = os.fstat(self._file.fileno())
+            why, whole = self._growing.harm(self.path, self._handed, f"{self._last / 1e9:.3f} s")
         except OSError as error:
             raise self._fail(error) from None
-        there = None
-        with suppress(OSError):
-            there = os.stat(self.path)
-        kept = f"{self._last / 1e9:.3f} s"
-        if own.st_size < self._handed:
-            why = f"{self.path} was cut from outside to {own.st_size} bytes at {kept}; what is left of it can be read with "
-            raise self._stop(RigError(why + "rig bag recover"), whole=False)
-        why = ""
-        if own.st_nlink == 0:
-            why = f"{self.path} was removed while it was recorded, at {kept}; nothing of it is left"
-        elif there is None or there.st_ino != own.st_ino:
-            why = f"{self.path} is not at its place any more at {kept}: it or its folder was renamed or moved; "
-            why += "the bag was ended in order where it is now"
-        elif not os.access(self.folder, os.W_OK, effective_ids=True):
-            why = f"{self.folder} takes no more files at {kept}: it or its disk was made read-only; "
-            why += f"{self.path.name} was ended in order, without metadata.yaml"
         if why:
-            raise self._stop(RigError(why))
+            raise self._stop(RigError(why), whole)
 
     def _room(self) -> int:
         """Return the bytes that the disk has left for chunks in front of the end of the bag."""
-        disk = os.fstatvfs(self._file.fileno())
         waiting = self._file.tell() - self._handed  # in the file's buffer
-        return disk.f_bavail * disk.f_frsize - waiting - self._writer.size_of_end - OF_TOPIC * len(self._topics)
+        return self._growing.left(self._handed) - waiting - self._size_of_end()
+
+    def _size_of_end(self) -> int:
+        return self._writer.size_of_end + OF_TOPIC * len(self._topics)
 
     def _fits(self, size: int) -> bool:
         """Return whether the disk has room for a chunk of so many bytes."""
+        self._growing.keep(self._file.tell() + size + self._size_of_end() + RESERVE)
         self._left = self._room() - size
         return self._left >= 0
+
+    def _close_file(self) -> None:
+        """Close the file with what is in its buffer, as far as the disk takes it."""
+        for step in () if self._file.closed else (self._file.flush, self._growing.give_back, self._file.close):
+            with suppress(OSError):
+                step()
 
     def _end_before_full(self, reserve: int = RESERVE) -> None:
         """End the bag in order, and raise DiskFull, where the disk took no further chunk or has less than the reserve left."""
@@ -458,8 +451,7 @@ class BagWriter:
                     self._finish()
         except OSError as error:
             return self._fail(error)
-        with suppress(OSError):
-            self._file.close()
+        self._close_file()
         self._failure = type(why), str(why)
         return why
 
@@ -472,8 +464,7 @@ class BagWriter:
             return
         self._closed = True
         if self._failure:
-            with suppress(OSError):
-                self._file.close()
+            self._close_file()
             return
         self._guard(self._writer.flush)
         self._end_before_full(0)
@@ -501,8 +492,7 @@ class BagWriter:
 
     def _fail(self, error: OSError) -> RigError:
         size = 0
-        with suppress(OSError):
-            self._file.close()  # it may write more of its buffer
+        self._close_file()
         with suppress(OSError):
             size = self.path.stat().st_size
         kept = max([self._kept, *(last for end, last in self._unflushed if end <= size)])
@@ -522,11 +512,13 @@ class BagWriter:
         self._left = RESERVE  # bytes that the disk has left behind the newest chunk and the end
         self._unflushed: deque[tuple[int, int]] = deque()  # of McapWriter, once it has begun the file
         self._file = open(self.path, "xb", buffering=BUFFER)
+        self._growing = GrowingFile(self._file.fileno())
 
     def _begin(self) -> McapWriter:
         writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES, self._layout.packing == "chunk", self._fits)
         self._unflushed = writer.unflushed
         self._file.flush()
+        self._growing.keep(self._file.tell() + RESERVE)
         return writer
 
     def _full(self, time: int) -> bool:
@@ -578,6 +570,8 @@ class BagWriter:
         this = metadata.File(self.path.name, self._first, self._last, sum(topic["count"] for topic in topics))
         self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata.bag_metadata([this], topics)})
         self._writer.finish()
+        self._file.flush()
+        self._growing.give_back()
         self._file.close()
         if self._layout.packing == "file":
             this = replace(this, name=pack(self.path).name)
