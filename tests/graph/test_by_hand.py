@@ -171,6 +171,7 @@ def test_stop_ends_a_sequence_with_exit_code_1_and_a_whole_bag(tmp_path):
     number = int(run.until("ROS_DOMAIN_ID=").rpartition("=")[2])
     run.until("step 2 of 2")
     assert rig(number, "stop") == (0, f"the rig ends (ROS domain {number})\n", "")
+    assert (tmp_path / "run" / "report.json").exists(), "it waits for the report"
     code, output = run.end()
     assert code == 1 and "ended by /rig/end before its sequence was done" in output
     end = json.loads((tmp_path / "run" / "report.json").read_text())["run"]["end"]

@@ -60,7 +60,7 @@ def test_a_thread_that_dies_is_a_process_that_dies_and_names_it():
     assert done.stderr.splitlines()[-1] == "its thread 'writer' died of IndexError: pop from empty list"
 
 
-@pytest.mark.parametrize("allowed, code, word", [([], 3, "lost"), (["--allow-loss"], 0, "warning")])
+@pytest.mark.parametrize("allowed, code, word", [([], 3, "not whole"), (["--allow-loss"], 0, "warning")])
 def test_a_lost_message_is_named_in_the_last_line(tmp_path, allowed, code, word):
     ended, output = rig_run(tmp_path / "run", "--speed", "max", "--drop", "/motor/m_wej:20", *allowed, sequence=BRIEF)
     assert ended == code, output

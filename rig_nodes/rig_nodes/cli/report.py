@@ -158,7 +158,7 @@ def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) 
         write_report(folder, report)
     lost = what_was_lost(run)
     if not bag.recovered and lost:
-        print(f"rig: lost: {lost}", file=sys.stderr)
+        print(f"rig: not whole: {lost}", file=sys.stderr)
     write_pages(args, lambda: _page_of_bag(args.run, bag, report, [f"Lost: {lost}."] if lost else []))
     if args.picture is not None:
         _draw(args, report)

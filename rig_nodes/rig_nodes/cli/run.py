@@ -134,12 +134,11 @@ def run(args: argparse.Namespace) -> int:
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()
-    # all processes have ended and the bag is complete; a late signal must not prevent the report
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
-    code = finish(
-        folder, run_record(config, sequence, args.seed, args.delay), end, supervisor.restarts, args.strict, args.allow_loss
-    )
+        # all processes have ended and the bag is complete; a late signal must not prevent the report
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        record = run_record(config, sequence, args.seed, args.delay)
+        code = finish(folder, record, end, supervisor.restarts, args.strict, args.allow_loss)  # `rig stop` waits for it
     return code if end.by == 0 else 128 + end.by
 
 
@@ -182,7 +181,7 @@ def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: b
     print(f"written to {folder}{look}", flush=True)
     lost = what_was_lost(report["run"])
     if lost:
-        last.append(f"warning: {lost}" if allow_loss else f"lost: {lost}")
+        last.append(f"warning: {lost}" if allow_loss else f"not whole: {lost}")
     code = exit_code(end.state, report, strict, "" if allow_loss else lost)
     return _say(last, 1 if end.state == "ended" and not (folder / "report.json").exists() else code)
 

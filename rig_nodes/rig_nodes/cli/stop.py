@@ -12,6 +12,7 @@ from .by_hand import add_domain, running_rig
 if TYPE_CHECKING:
     import argparse
 
+PATIENCE = 60.0  # s for the end of all processes and the report
 HELP = "end the rig that runs, or with --emergency only stop it"
 
 
@@ -26,8 +27,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Stop the rig; return 0 when it ends or is in its safe state."""
+    """Stop the rig; return 0 when it has ended with its report, or is in its safe state."""
+    from ..base import RigError
+    from ..controllers import until_free
+
     with running_rig(args) as rig:
         text = rig.trigger("/rig/e_stop" if args.emergency else "/rig/end")
-        print(f"{text} (ROS domain {rig.number})")
+        print(f"{text} (ROS domain {rig.number})", flush=True)
+    if not args.emergency and not until_free(rig.number, PATIENCE):
+        raise RigError(f"the rig in ROS domain {rig.number} was told to end and has not ended within {PATIENCE:g} s")
     return 0

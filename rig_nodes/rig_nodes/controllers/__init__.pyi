@@ -16,7 +16,7 @@ from .load import IN_PROCESS as IN_PROCESS, PLUGS as PLUGS, embedded_line as emb
 from .modbus.registers import csv_text as csv_text, markdown_text as markdown_text
 from .plug import Answer as Answer, DECLARED as DECLARED, Plug as Plug
 from .record import ControllerRecord as ControllerRecord, flat_parameters as flat_parameters, record_of as record_of
-from .ros.domain import Domain as Domain, allocate as allocate, announce as announce, busy_domains as busy_domains, check_namespace as check_namespace, environment as environment, from_environment as from_environment, numbered as numbered, of_running_rig as of_running_rig, participants as participants, running_rigs as running_rigs, use_own_transports as use_own_transports
+from .ros.domain import Domain as Domain, allocate as allocate, announce as announce, busy_domains as busy_domains, check_namespace as check_namespace, environment as environment, from_environment as from_environment, numbered as numbered, of_running_rig as of_running_rig, participants as participants, running_rigs as running_rigs, until_free as until_free, use_own_transports as use_own_transports
 from .seam import ControllerFailed as ControllerFailed, ControllerInfo as ControllerInfo, ControllerInputs as ControllerInputs, ControllerOutputs as ControllerOutputs, LEVELS as LEVELS, Status as Status, error_text as error_text
 from .templates import TEMPLATES as TEMPLATES, write_template as write_template
 from .udp.frames import PORT as PORT

@@ -16,6 +16,7 @@ import secrets
 import socket
 import subprocess
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -27,6 +28,7 @@ HIGHEST = 232  # highest domain that ROS accepts
 BASE_PORT, PORTS = 7400, 250  # RTPS 9.6.1.1: first port of domain 0, ports of one domain
 RESERVED, RIG = "rig-ros-domain", "rig-in-ros-domain"  # begins of socket names: a reserved domain, a domain with a rig
 LOOK_TIMEOUT = 20.0  # s
+GLANCE = 0.02  # s between two looks for the end of a rig
 
 
 def busy_domains() -> set[int]:
@@ -164,6 +166,16 @@ def running_rigs() -> list[int]:
     """Return the domains in which a rig of this host runs, sorted; it does not matter how the rig was started."""
     names = Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace")
     return sorted({int(number) for number in re.findall(r"@rig-runs-in-domain-(\d+)-", names)})
+
+
+def until_free(number: int, seconds: float) -> bool:
+    """Wait until the rig or replay of a domain, with its report, is done; return False when it is not after so many seconds."""
+    deadline = time.monotonic() + seconds
+    while f"@{RIG}-{number}\n" in Path("/proc/net/unix").read_text(encoding="utf-8", errors="replace"):
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(GLANCE)
+    return True
 
 
 def numbered(number: int) -> Domain:
