@@ -3,7 +3,7 @@
 
 """The rig's clock in real time: an absolute schedule of samples, and how late its ticks start.
 
-The rig container uses it, and alfa46 and recorder for their priority. Simulated time follows the wall clock and is never skipped.
+The rig container uses it, and alfa46, recorder and sequencer for their priority. Simulated time follows the wall clock and is never skipped.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 PR_SET_TIMERSLACK = 29
 SENDS_AGAIN = "dds.asyn"  # begin of the names of the threads of Fast DDS that do
-# The clock of the rig comes first, then samples and commands, then what is recorded of them.
-RECORDING, MESSAGES, CLOCK = 9, 10, 11
+# The clock of the rig comes first, then samples and commands, then what is recorded of them, then the steps of a sequence.
+STEPS, RECORDING, MESSAGES, CLOCK = 8, 9, 10, 11
 # Catching up runs at most this much faster than real time, so that the shift controller can still answer.
 CATCH_UP = 4
 # A rig that is further behind real time than this has lost time: the newest valve command may be that old before the
