@@ -11,8 +11,7 @@ import struct
 
 import pytest
 
-from rig_nodes.bags import Bag, BagWriter
-from rig_nodes.bags import growing_file
+from rig_nodes.bags import Bag, BagWriter, growing_file
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.writer import Layout
 from rig_nodes.base import DiskFull, RigError

@@ -3,7 +3,8 @@
 
 """The rig's clock in real time: an absolute schedule of samples, and how late its ticks start.
 
-The rig container uses it, and alfa46, recorder and sequencer for their priority. Simulated time follows the wall clock and is never skipped.
+The rig container uses it, and alfa46, recorder and sequencer for their priority. Simulated time follows the wall clock and is
+never skipped.
 """
 
 from __future__ import annotations
