@@ -41,6 +41,10 @@ def test_a_first_shift_is_made_from_nothing_and_is_judged(page):
     page.until("document.querySelector('#shift img')?.naturalWidth > 0", 60)
     assert page.text("#shift strong") in ("good", "fair", "poor", "no verdict"), "none where a busy machine left gaps"
     assert "Upshift I → II" in page.text("#shift p")
+    assert (
+        page.js("getComputedStyle(document.querySelector('#shift-list [aria-pressed=true]')).backgroundColor") != "rgba(0, 0, 0, 0)"
+    )
+    assert page.text("#shift-list").startswith("1: I -> II"), "the engagement from neutral is no shift"
     assert any(
         "locked" in text for text in page.js("[...document.querySelectorAll('#driveline text')].map((one) => one.textContent)")
     )

@@ -344,8 +344,8 @@ class Panel:
         self._found = message
         self.tell(message)
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """End what belongs to it."""
         for task in self._asked:
             task.cancel()
-        self.shifts.close()
+        await self.shifts.close()

@@ -100,10 +100,10 @@ class Files(Guarded, StaticFileHandler):
 class Figure(Guarded):
     """The figure of a shift."""
 
-    async def get(self, number: str, name: str) -> None:
+    async def get(self, key: str, name: str) -> None:
         """Send one of its pictures."""
         with refusals():
-            picture = await self.panel.shifts.picture(int(number), name)
+            picture = await self.panel.shifts.picture(int(key), name)
         self.set_header("Content-Type", "image/svg+xml")
         self.write(picture)
 
@@ -262,7 +262,7 @@ class PanelServer:
             await self._tick(panel, over)
         finally:
             server.stop()
-            panel.close()
+            await panel.close()
             bench.close()
 
     async def _tick(self, panel: Panel, over: asyncio.Event) -> None:

@@ -39,7 +39,7 @@ class Shifts:
     Attributes
     ----------
     found : deque of dict
-        What is told of each shift, the last one at the end; ``number`` counts from 1.
+        What is told of each shift, the last one at the end; ``number`` counts from 1, ``key`` is for its pictures.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Shifts:
         self.found: deque[dict[str, Any]] = deque(maxlen=MOST)
         self._tell = tell
         self._folder = tempfile.TemporaryDirectory(prefix="rig-panel-")
-        self._number = 0
+        self._drawn, self._number = 0, 0  # orders of which a figure was tried, and shifts among them
         self._ordered: float | None = None
         self._due: tuple[float, float] | None = None  # time of the order, and from when on the shift is drawn [s]
         self._process: asyncio.subprocess.Process | None = None
@@ -76,27 +76,28 @@ class Shifts:
         if self._due is not None and tracks.now >= self._due[1]:
             self._draw(self._due[0], tracks, known)
 
-    async def picture(self, number: int, name: str) -> bytes:
+    async def picture(self, key: int, name: str) -> bytes:
         """Return a figure of a shift, drawn when it is asked for first; RigError when there is none."""
-        folder = Path(self._folder.name) / str(number)
+        folder = Path(self._folder.name) / str(key)
         if not (folder / name).is_file():
             answer = await self._asked(folder, name)
             if "error" in answer:
                 raise RigError(answer["error"])
         return (folder / name).read_bytes()
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """End the process and remove the figures."""
         for task in self._work:
             task.cancel()
         if self._process is not None and self._process.returncode is None:
             self._process.kill()
+            await self._process.wait()
         self._folder.cleanup()
 
     def _draw(self, ordered: float, tracks: Tracks, known: Catalogue) -> None:
         self._due = None
-        self._number += 1
-        self._spawn(self._described(self._number, messages_around(tracks, known, ordered), known))
+        self._drawn += 1
+        self._spawn(self._described(self._drawn, messages_around(tracks, known, ordered), known))
 
     def prepare(self) -> None:
         """Start the process that draws, which loads for some seconds, before the first shift."""
@@ -131,8 +132,8 @@ class Shifts:
             line = await self._process.stdout.readline()
         return json.loads(line) if line else {"error": "the process that draws has ended"}
 
-    async def _described(self, number: int, rows: list[Row], known: Catalogue) -> None:
-        folder = Path(self._folder.name) / str(number)
+    async def _described(self, key: int, rows: list[Row], known: Catalogue) -> None:
+        folder = Path(self._folder.name) / str(key)
         try:
             await asyncio.to_thread(write_bag, folder, rows, known)
             answer = await self._asked(folder)
@@ -142,7 +143,8 @@ class Shifts:
             bag.unlink()
         if not answer:
             return  # a gear that was engaged without slip is no shift
-        self.found.append({"kind": "shift", "number": number} | answer)
+        self._number += 1
+        self.found.append({"kind": "shift", "number": self._number, "key": key} | answer)
         self._tell(self.found[-1])
 
 

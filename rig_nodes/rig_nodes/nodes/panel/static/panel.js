@@ -9,6 +9,7 @@ import { Sequences } from "./sequences.js";
 import { Shifts } from "./shifts.js";
 
 const MOST_EVENTS = 300;
+const READ = 9000; // ms in which a text is read
 const OLD = 1500; // ms without a new sample after which the clock says so
 const NEED_RIG = ["drive", "profiles", "controller", "settings", "faults"]; // what does nothing while no rig answers
 const link = new Link();
@@ -44,7 +45,7 @@ document.documentElement.dataset.theme = localStorage.getItem("rig-theme") ?? (d
 export function note(text) {
   const one = make("p", {}, text);
   at("notes").append(one);
-  setTimeout(() => one.remove(), 9000);
+  setTimeout(() => one.remove(), READ);
 }
 
 for (const what of ["e_stop", "reset", "start"]) at(what).onclick = () => orderAbove(link, what, at(what));
@@ -82,9 +83,10 @@ function gears({ gears: all }) {
       return button;
     }),
   );
-  const [oil, drive] = ["oil", "source"].map((role) => rig.drive.filter((one) => one.role === role).map((one) => one.node.replaceAll("_", " ")).join(" and "));
+  const [oil, drive, load] = ["oil", "source", "load"].map((role) => rig.drive.filter((one) => one.role === role).map((one) => one.node.replaceAll("_", " ")).join(" and "));
+  const pressure = oil && `give the ${oil} its pressure (say ${rig.steps[0].value}) and switch it on, `;
   at("hint").textContent = all.length
-    ? `For a first shift: ${oil ? `give the ${oil} its pressure and switch it on, ` : ""}order the first gear, give the ${drive} a speed and switch it on, then order the next gear.`
+    ? `For a first shift: ${pressure}order the first gear, give the ${drive} a speed and switch it on, then the ${load}, then order the next gear. Its figure appears under Shifts.`
     : "This rig has no gears to order.";
 }
 
@@ -143,7 +145,10 @@ function setting(one, slider) {
     if (pull && document.activeElement !== pull) pull.value = value;
   };
   field.onchange = () => give(field.value.trim().replace(",", "."));
-  field.onblur = () => said.textContent || (held != null && show(held));
+  field.onblur = () => {
+    if (held != null) show(held);
+    setTimeout(() => said.dataset.kind === "refused" && say(said, ""), READ);
+  };
   if (pull) pull.onchange = () => give(String(+(+pull.value).toPrecision(4)));
   fields.set(one.name, show);
   const range = ranged ? `${shown(one.low, 4)} to ${shown(one.high, 4)} ${unit}` : "";
@@ -172,6 +177,7 @@ link.on("state", (message) => {
   at("reset").disabled = message.state !== "tripped";
   at("start").hidden = !(message.state === "away" && rig?.own);
   usable(message.state !== "away");
+  if (message.state === "tripped") say(at("shifting"), "");
   for (const button of at("gears").children) button.setAttribute("aria-pressed", String(+button.dataset.gear === message.gear));
   at("gears").setAttribute("aria-busy", String(Boolean(message.shifting)));
 });

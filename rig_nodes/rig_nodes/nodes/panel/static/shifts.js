@@ -75,8 +75,8 @@ export class Shifts {
     const width = at("shift").clientWidth < 600 ? "narrow" : "wide";
     const reasons = one.valid ? one.reasons : [...one.reasons, `not valid: ${one.why.join("; ")}`];
     at("shift").replaceChildren(
-      make("p", {}, make("strong", { class: one.grade === "good" ? "good" : one.grade === "poor" ? "bad" : "" }, one.grade || "no verdict"), ` ${one.title}. ${reasons.join("; ")}`),
-      make("img", { src: `shift/${one.number}/${width}_${theme}.svg`, alt: `${one.title}: pressures, torques and speeds over time` }),
+      make("p", {}, make("strong", { class: one.grade === "good" ? "good" : ["poor", "failed"].includes(one.grade) ? "bad" : "" }, one.grade || "no verdict"), ` ${one.title}`),
+      make("img", { src: `shift/${one.key}/${width}_${theme}.svg`, alt: `${one.title}: pressures, torques and speeds over time. ${reasons.join("; ")}` }),
       make("ul", { class: "metrics" }, ...one.metrics.map(({ name, value, unit }) => make("li", {}, make("span", {}, name), make("span", {}, `${shown(value)} ${unit}`)))),
     );
   }
