@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from synthetic_shift import PERIOD, FakeBag, Shift
 
+from rig_nodes.analysis.definitions import NO_SEQUENCE
 from rig_nodes.analysis.report_text import format_report
 from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.logged import Recording
@@ -78,3 +79,8 @@ def test_a_bag_without_its_channels_does_not_claim_that_no_shift_was_made():
     text = format_report(build_report(broken, {}))
     assert "no shifts: there is nothing to look for them in" in text
     assert "problem: no shift metrics: the recording has no channel p1" in text
+
+
+def test_a_run_by_hand_without_a_shift_is_called_this_run():
+    report = build_report(FakeBag(Shift().recording(1)), {"sequence": NO_SEQUENCE, "description": "ordered over ROS"})
+    assert "no shift: this run changes no gear while the input shaft turns" in format_report(report)

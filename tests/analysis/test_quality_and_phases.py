@@ -42,6 +42,11 @@ def test_a_shift_in_time_without_dip_and_peak_is_good(row):
         ({"k": 0.94}, "poor", "the output dipped to 94 % of its speed"),
         ({"k": 0.3}, "failed", "the output dipped to 30 %"),
         ({"k": 0.0, "output_speed_min_rpm": 0.2}, "failed", "the output stood still"),
+        (
+            {"k": 0.0, "output_speed_min_rpm": 0.2, "interrupted_s": 0.206, "t_c_s": 1.012},
+            "failed",
+            "the drive was interrupted (for 206 ms no clutch carries the load: engage S2 earlier or release S1 later); it took",
+        ),
         ({"t_c_s": None, "k": None, "input_torque_high_nm": None}, "failed", "gear II was not reached"),
         ({"output_speed_low_rpm": 800.0}, "poor", "the output dipped to 74 % of its speed"),
         ({"input_torque_low_nm": 10.0}, "fair", "M_wej fell to 10 Nm, 17 % of the torque that the load requires"),

@@ -9,7 +9,7 @@ from .causes import SWING as SWING, TIED as TIED
 from .clutch_torques import lever_of as lever_of
 from .coasting import coast_down as coast_down
 from .compare_tables import clock_lines as clock_lines, metric_tables as metric_tables, reasons as reasons, signal_tables as signal_tables
-from .definitions import BEFORE as BEFORE, K_MOST as K_MOST, LONGEST as LONGEST, PRESSURE_MEAN as PRESSURE_MEAN, RPM as RPM, TORQUE_SPEED_MEAN as TORQUE_SPEED_MEAN, undefined_lines as undefined_lines
+from .definitions import BEFORE as BEFORE, K_MOST as K_MOST, LONGEST as LONGEST, NO_SEQUENCE as NO_SEQUENCE, PRESSURE_MEAN as PRESSURE_MEAN, RPM as RPM, TORQUE_SPEED_MEAN as TORQUE_SPEED_MEAN, undefined_lines as undefined_lines
 from .course import LEAST_TORQUE as LEAST_TORQUE, asked_of_input as asked_of_input
 from .detuning import Detuned as Detuned, Detuning as Detuning, detune as detune, detuning_file as detuning_file, read_detuning as read_detuning
 from .display import aligned as aligned, fixed as fixed, in_unit as in_unit, shown as shown

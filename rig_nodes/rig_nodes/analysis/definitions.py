@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ..rig import Transmission
     from .metrics import Metric
 
+NO_SEQUENCE = "none"  # stands where a run that was ordered by hand would name its sequence
 RPM = 30.0 / pi
 STANDSTILL = 1.0  # rad/s, below which a shaft counts as standing still
 BEFORE = 0.2  # s before the order from which the initial state of the shift is taken

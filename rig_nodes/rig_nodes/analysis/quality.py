@@ -80,19 +80,25 @@ def _of_speed(row: Mapping, box: Transmission) -> list[tuple[str, str]]:
     """Return the reasons that the output speed gives; it is compared with that of the slower gear, as in k."""
     lowest = [abs(row[key]) for key in ("output_speed_min_rpm", "output_speed_low_rpm") if row.get(key) is not None]
     if lowest and min(lowest) < STANDSTILL * RPM:
-        return [(FAILED, "the output stood still: the drive was interrupted")]
+        return [(FAILED, f"the output stood still: the drive was interrupted{_because(_dip_alone(row, box))}")]
     if row["k"] is None or not lowest:
         return []
     share = min(row["k"], min(lowest) / row["input_speed_rpm"] * box.slower_ratio(row["from_gear"], row["to_gear"]))
     if share >= K_DIP:
         return []
-    low, slow = cause(row, box, "low"), _slowest(row)
+    low = cause(row, box, "low")
     why = low if _hole(row, box) is None else ""
-    # said where neither the torque's hole nor the time has this remedy already
-    if "hole" not in low and (row["t_c_s"] is None or row["t_c_s"] <= slow or not cause_of_time(row, box, slow)):
-        why = cause_of_dip(row, box) or why
+    if "hole" not in low:  # of which the torque's reason has this remedy
+        why = _dip_alone(row, box) or why
     text = f"the output dipped to {100.0 * share:.0f} % of its speed in the slower gear{_because(why)}"
     return [(FAILED if share < K_LOST else POOR, text)]
+
+
+def _dip_alone(row: Mapping, box: Transmission) -> str:
+    """Return the cause of a dip with its remedy, where the reason of a shift that took too long has not named it already."""
+    slow = _slowest(row)
+    told = row["t_c_s"] is not None and row["t_c_s"] > slow and cause_of_time(row, box, slow)
+    return "" if told else cause_of_dip(row, box)
 
 
 def _of_torque(row: Mapping, box: Transmission) -> list[tuple[str, str]]:

@@ -15,7 +15,7 @@ from ..bags import example_of_orders
 from ..base import printable
 from ..rig import Transmission
 from .comparison import annex_lines, truth_lines
-from .definitions import RPM, undefined_lines
+from .definitions import NO_SEQUENCE, RPM, undefined_lines
 from .display import aligned
 from .energy import clutch_heat
 from .faults import fault_lines
@@ -78,7 +78,8 @@ def no_shift(report: dict) -> str:
         )
     if "measured" not in report:
         return "no shifts: there is nothing to look for them in"  # the report's problems give the reason
-    what = f"{run['sequence']} ({run['description']})" if run.get("sequence") and run.get("description") else "this run"
+    named = run.get("sequence") not in (None, NO_SEQUENCE) and run.get("description")
+    what = f"{run['sequence']} ({run['description']})" if named else "this run"
     return f"no shift: {what} changes no gear while the input shaft turns"
 
 

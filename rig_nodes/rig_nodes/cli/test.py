@@ -46,7 +46,7 @@ FIRST = {"graph": 2, "controllers": 5, "fmu": 1}
 # lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should not run last, and those whose
 # processes have time limits too should not run first. Short folders form one part with others, because to start a part
 # costs two seconds.
-BESIDE = ("runs", "plant", "the rest", "rigs", "rig", "engine", "api", "view", "analysis", "bags", "tune", "validation")
+BESIDE = ("runs", "plant", "the rest", "view", "rigs", "api", "rig", "engine", "bags", "tune", "analysis", "validation")
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
 # What `rig test --quick` runs: no ROS, and no more compiling than HydmAG needs.
 QUICK = (

@@ -16,6 +16,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..analysis import NO_SEQUENCE
 from ..base import (
     Map,
     RigError,
@@ -149,7 +150,7 @@ class Sequence:
                     )
 
 
-BY_HAND = Sequence("none", "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
+BY_HAND = Sequence(NO_SEQUENCE, "ordered over ROS", 0.0)  # in the record of a run without a sequence of its own
 
 
 def load_sequence(

@@ -21,6 +21,7 @@ from ..analysis import (
     INTERRUPTED,
     LEAST_TORQUE,
     MET,
+    NO_SEQUENCE,
     PRESSURE_MEAN,
     RPM,
     SWING,
@@ -42,7 +43,6 @@ from ..analysis import (
     verdicts_in,
 )
 from ..rig import NEUTRAL, changed_settings
-from ..runs import BY_HAND
 from .figure import (
     DASHED,
     DOTTED,
@@ -305,7 +305,7 @@ class _Shift:
         set_ += [f"fault {name}" for name in ill[:MOST_CHANGED]]
         set_ += [f"{len(ill) - MOST_CHANGED} more faults"] if len(ill) > MOST_CHANGED else []
         how = {"simulate": "simulated", "import": "imported"}.get(run.get("mode") or "", "")
-        of = {None: "", BY_HAND.name: ", ordered by hand"}.get(run.get("sequence"), f" of {run.get('sequence')}")
+        of = {None: "", NO_SEQUENCE: ", ordered by hand"}.get(run.get("sequence"), f" of {run.get('sequence')}")
         origin = [f"shift {self.number} at {row['t_order_s']:.3f} s{of}", how]
         origin += [f"seed {run['seed']}"] if run.get("seed") is not None else []
         return " · ".join(", ".join(str(one) for one in part if one) for part in (state, set_, origin) if part)

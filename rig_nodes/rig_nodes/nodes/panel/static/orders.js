@@ -4,6 +4,7 @@ import { at } from "./link.js";
 
 const SEEN = 300; // ms after which an order without an answer is shown
 const LATE = 5000; // ms between two words on an order that waits
+export const READ = 9000; // ms in which a text is read
 let count = 0;
 
 // Shows a text as an answer, as what is "asked" or as what is "refused"; the same one is not read out again.
@@ -44,7 +45,8 @@ export async function order(link, where, what, more = {}, { control = null, quie
 // The same for what stands in the header, whose words go when they have been read.
 export async function orderAbove(link, what, control) {
   const where = at("said");
-  await order(link, where, what, {}, { control });
+  const answered = order(link, where, what, {}, { control });
   const number = where.dataset.order;
-  setTimeout(() => where.dataset.order === number && say(where, ""), 9000);
+  await answered;
+  setTimeout(() => where.dataset.order === number && say(where, ""), READ);
 }

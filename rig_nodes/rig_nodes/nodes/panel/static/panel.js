@@ -3,13 +3,12 @@
 import { Charts } from "./charts.js";
 import { Driveline } from "./driveline.js";
 import { Link, at, make, shown } from "./link.js";
-import { order, orderAbove, say } from "./orders.js";
+import { READ, order, orderAbove, say } from "./orders.js";
 import { Profiles } from "./profiles.js";
 import { Sequences } from "./sequences.js";
 import { Shifts } from "./shifts.js";
 
 const MOST_EVENTS = 300;
-const READ = 9000; // ms in which a text is read
 const OLD = 1500; // ms without a new sample after which the clock says so
 const NEED_RIG = ["drive", "profiles", "controller", "settings", "faults"]; // what does nothing while no rig answers
 const link = new Link();
@@ -21,6 +20,7 @@ const shifts = new Shifts(link);
 const fields = new Map(); // by setting: function that shows its value
 const faults = new Map(); // by name: its switch
 let rig = null;
+let state = "";
 
 history.replaceState(null, "", location.pathname + location.hash); // the token stays in the cookie only
 
@@ -177,7 +177,8 @@ link.on("state", (message) => {
   at("reset").disabled = message.state !== "tripped";
   at("start").hidden = !(message.state === "away" && rig?.own);
   usable(message.state !== "away");
-  if (message.state === "tripped") say(at("shifting"), "");
+  if (message.state === "tripped" && state !== "tripped") say(at("shifting"), ""); // what was said of orders before
+  state = message.state;
   for (const button of at("gears").children) button.setAttribute("aria-pressed", String(+button.dataset.gear === message.gear));
   at("gears").setAttribute("aria-busy", String(Boolean(message.shifting)));
 });
