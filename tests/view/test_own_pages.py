@@ -7,7 +7,9 @@ import json
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from rig_nodes.base.errors import RigError
@@ -20,6 +22,7 @@ from rig_nodes.view import layout
 from rig_nodes.view import pages as pages_module
 from rig_nodes.view import plots as plots_module
 from rig_nodes.view.convert import make_tab_view, make_view
+from rig_nodes.view.curves import Curves
 from rig_nodes.view.other_tools import tabs
 from rig_nodes.view.pages import Pages
 
@@ -171,6 +174,38 @@ def test_a_rig_opens_on_its_own_page(rig, first):
     shown = layout.blueprint(INSTALLED[rig], set(INSTALLED[rig].known.signals), (0.0, 1.0)).root_container
     assert shown.contents[shown.active_tab].name == first
     assert titles(layout.live_blueprint(INSTALLED[rig], 5.0))[0] == first
+
+
+class OfRamp:
+    """A piece of a bag in which a signal rises by 3 a second."""
+
+    def __init__(self, topic):
+        self.counts = {topic: 400}
+
+    def columns(self, topic):
+        return []
+
+    def series(self, signal):
+        t = np.arange(400) / 200.0
+        return t, 3.0 * t + 1.0
+
+
+def test_the_acceleration_of_a_vehicle_is_on_its_page_as_in_the_report():
+    rr = pytest.importorskip("rerun")
+    pages = INSTALLED["hydmag_engine"]
+
+    def plots(*present):
+        tabs = layout.blueprint(pages, set(present), (0.0, 1.0)).root_container.contents
+        return [plot.name for tab in tabs if tab.name == "Vehicle" for plot in tab.contents]
+
+    assert "Acceleration of the vehicle [m/s²]" in plots(*pages.known.signals)
+    assert "Acceleration of the vehicle [m/s²]" not in plots("n_wej")
+    sent = {}
+    rec = SimpleNamespace(log=lambda *_, **__: None, send_columns=lambda place, times, values: sent.update({place: values}))
+    curves = Curves(rr, rec, pages, ["v"], [])
+    curves.add(OfRamp(pages.known.signal("v").topic))
+    (values,) = sent["velocity/v_rate"]
+    assert np.asarray(values.as_arrow_array().to_pylist()).ravel() == pytest.approx(np.full(39, 3.0))
 
 
 @pytest.mark.parametrize(

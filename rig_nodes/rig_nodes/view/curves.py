@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from rerun import RecordingStream, SeriesLines, TimeColumn
 
 FAST = 5e-4  # s between rows below which a channel can be thinned out
+OVER = 0.05  # s of a mean for a time derivative
 BIN = 20  # rows per stretch of a thinned curve, of which it keeps the lowest and the highest
 LETTER = 7.0  # px of a letter in a bar of a state
 NO_TEXT = " "  # not empty, because the viewer would replace an empty text by the state's value
@@ -164,6 +165,9 @@ class Curves:
         for name, plates in self._pages.plates.items():
             if plates.heat in self._names:
                 self._send_plates(name, plates, *self._series(piece, self._pages.known.signal(plates.heat)))
+        for name, (signal, source) in self._pages.rates.items():
+            if source in self._names:
+                self._send_rate(name, signal, *self._series(piece, self._pages.known.signal(source)))
         for name, (t, values) in self._rows(piece, OWN_TOPIC).items():
             if self._first(name):
                 self._rec.log(layout.own_entity(name), self._rr.SeriesLines(names=name), static=True)
@@ -220,6 +224,17 @@ class Curves:
         if self._first(name):
             log_style(self._rr, self._rec, self._pages, plates.signal)
         self._send(layout.entity(plates.signal), t, plates.oil + values)
+
+    def _send_rate(self, name: str, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
+        """Send a time derivative, from the means over stretches of OVER seconds."""
+        width = max(1, round(OVER / (t[1] - t[0]))) if len(t) > 1 else 1
+        whole = len(t) // width * width
+        times_, means = (one[:whole].reshape(-1, width).mean(axis=1) for one in (t, values))
+        if len(means) < 2:
+            return
+        if self._first(name):
+            log_style(self._rr, self._rec, self._pages, signal)
+        self._send(layout.entity(signal), (times_[1:] + times_[:-1]) / 2.0, np.diff(means) / np.diff(times_))
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """Send one row for each state that has ended; the last one is held, because its bar's width is not known."""

@@ -18,12 +18,11 @@ from ..analysis import phases_of
 from ..rig import RATE, OwnPlot
 from .figure import DASHED, SOLID, Column, Curve, Description, Moment, Panel, Stretch
 from .figure_of_bench import figure_of_bench
+from .pages import Pages, rate_unit
 from .recorded import BINS, Envelope, envelopes_of, stretch_of
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from .pages import Pages
 
 FAST, OFTEN = (
     0.08,
@@ -136,7 +135,7 @@ class _Page:
 
     def _panel(self, plot: OwnPlot) -> Panel:
         signal, curves = self.pages.signal(plot.signals[0]), []
-        unit = signal.display_unit if plot.over != RATE else f"{signal.unit.removesuffix('/s')}/s{'²' * signal.unit.endswith('/s')}"
+        unit = signal.display_unit if plot.over != RATE else rate_unit(signal)
         for name in plot.signals:
             look = self.pages.look(name)
             colour, style = look.colour, DASHED if look.demanded else SOLID

@@ -274,9 +274,12 @@ def blueprint(
     if plates := [name for name, one in pages.plates.items() if one.heat in present]:
         run[-1] += _plots(pages, present | set(plates), [("Plate temperature", plates)], axis)
     more = {name: views for name, plots in pages.more_pages.items() if (views := _plots(pages, present, plots, axis))}
+    rates = {name for name, (_, source) in pages.rates.items() if source in present}
+    for name, plots in pages.rate_plots.items():
+        more[name] = [*more.get(name, ()), *_plots(pages, rates, plots, axis)]
     shown = more[only] if only in more else rest if only == "other" else [view for column in run for view in column] + rest
     if shown:
-        open_with(shown[0], window_of(pages, present, span, pages.more_pages[only] if only in more else None))
+        open_with(shown[0], window_of(pages, present, span, pages.more_pages.get(only, ()) if only in more else None))
     tabs = {name: rrb.Grid(*views, name=name) for name, views in more.items()}
     for one in close:
         axis_of_all = rrb.TimeAxis(link="Independent", view_range=_range(one.page.window(pages)))

@@ -103,6 +103,21 @@ def plates_of(record: Mapping, structure: Structure) -> dict[str, Plates]:
     return found
 
 
+def rates_of(known: Catalogue, structure: Structure) -> dict[str, tuple[Signal, str]]:
+    """Return the time derivatives that a rig's plots show, by name: a signal that no topic carries, and whose derivative it is."""
+    found: dict[str, tuple[Signal, str]] = {}
+    for name in (name for plots in structure.view.values() for one in plots if one.over == RATE for name in one.signals):
+        of, unit = known.signal(name), rate_unit(known.signal(name))
+        signal = Signal(f"{name}_rate", of.quantity, unit, unit, 1.0, -1e9, 1e9, "", "", of.sign, f"Time derivative of {name}.")
+        found[signal.name] = signal, name
+    return found
+
+
+def rate_unit(signal: Signal) -> str:
+    """Return the unit of a signal's time derivative."""
+    return f"{signal.unit.removesuffix('/s')}/s{'²' * signal.unit.endswith('/s')}"
+
+
 class Pages:
     """The pages of one rig.
 
@@ -122,6 +137,7 @@ class Pages:
         self.known: Catalogue = with_heat(catalogue(record), self.structure)
         self.plates: dict[str, Plates] = plates_of(record, self.structure)
         self.box: Transmission | None = transmission_of(record) if self.structure.gears else None
+        self.rates: dict[str, tuple[Signal, str]] = rates_of(self.known, self.structure)
         self._own: dict[str, Plots] = {
             page: tuple((one.title, one.signals) for one in plots if one.over != RATE)
             for page, plots in self.structure.view.items()
@@ -205,8 +221,10 @@ class Pages:
         return self._own["run"][1::2] if "run" in self._own else self._at(RIGHT if self.box else BENCH_RIGHT)
 
     def signal(self, name: str) -> Signal:
-        """Return a signal of the rig, or a temperature of plates, by its name."""
-        return self.plates[name].signal if name in self.plates else self.known.signal(name)
+        """Return a signal of the rig, a temperature of plates or a time derivative, by its name."""
+        if name in self.plates:
+            return self.plates[name].signal
+        return self.rates[name][0] if name in self.rates else self.known.signal(name)
 
     def label(self, name: str) -> str:
         """Return the name of a curve in a legend: the signal's name with its unit."""
@@ -221,6 +239,16 @@ class Pages:
     def more_pages(self) -> dict[str, Plots]:
         """The pages that the rig's folder adds, by name."""
         return {name: plots for name, plots in self._own.items() if name not in OWN}
+
+    @cached_property
+    def rate_plots(self) -> dict[str, Plots]:
+        """The plots of time derivatives by the page that the rig's folder puts them on."""
+        plots = {page: [one for one in ones if one.over == RATE] for page, ones in self.structure.view.items()}
+        return {
+            page: tuple((one.title, tuple(f"{name}_rate" for name in one.signals)) for one in ones)
+            for page, ones in plots.items()
+            if ones
+        }
 
     @cached_property
     def questions(self) -> dict[str, tuple[OwnPlot, ...]]:
@@ -346,7 +374,7 @@ class Pages:
 
     def look(self, name: str) -> Look:
         """Return the look of a signal, which is the same in every plot."""
-        return self.looks.get(name, Look())
+        return self.looks.get(self.rates[name][1] if name in self.rates else name, Look())
 
     def width(self, name: str) -> float:
         """Return the width of a curve in pixels; a setpoint is wider, so that it shows on both sides of the measured curve.
