@@ -23,6 +23,7 @@ MADE = {path.removesuffix(".md") for path in re.findall(r'^        "(\w+\.md)": 
 }
 BUDGET = 30_000  # words of all pages by hand, README and CONTRIBUTING
 LINE = re.compile(r"^(?:    |\$ )?\./rig (?P<words>[^#\n]*?)(?:\s{2,}#.*|\s#\s.*)?$")
+SOURCES, PAGE = {".py", ".yaml", ".msg", ".action", ".srv", ".h", ".c", ".js"}, re.compile(r"\bdocs/(?!made/)[\w/]+\.md")
 STANDS_FOR = {"N": "7", "PORT": "9002", "...": "x"}  # words of a command that stand for values
 
 
@@ -72,6 +73,12 @@ def test_links_to_files_lead_to_some(page):
     made = {DOCS / "made" / f"{name}.md" for name in MADE}
     files = [link for link in links if not re.match(r"[a-z]+:", link)]
     assert [link for link in files if not (page.parent / link).exists() and (page.parent / link).resolve() not in made] == []
+
+
+def test_pages_that_code_and_messages_name_are_there():
+    sources = [path for folder in ("msgs", "rig_nodes/rig_nodes") for path in (ROOT / folder).rglob("*") if path.suffix in SOURCES]
+    named = {(path.name, page) for path in sources for page in PAGE.findall(path.read_text(encoding="utf-8"))}
+    assert len(named) > 5 and [one for one in sorted(named) if not (ROOT / one[1]).is_file()] == []
 
 
 def test_the_words_by_hand_keep_to_their_budget():
