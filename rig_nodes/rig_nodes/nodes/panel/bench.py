@@ -276,7 +276,10 @@ class Bench:
             while not self._stopping.is_set():
                 for _ in range(self._jobs.qsize()):
                     self._jobs.get()()
-                self._executor.spin_until_future_complete(RosFuture(), SLICE)
+                until = time.monotonic() + SLICE
+                while (left := until - time.monotonic()) > 0.0:
+                    # not spin_until_future_complete, each call of which keeps 32 bytes for good (rclpy 7.1): 12 MB an hour
+                    self._executor.spin_once(left)
         except Exception as error:
             self.failure = error
 
