@@ -78,7 +78,7 @@ def no_shift(report: dict) -> str:
         )
     if "measured" not in report:
         return "no shifts: there is nothing to look for them in"  # the report's problems give the reason
-    named = run.get("sequence") not in (None, NO_SEQUENCE) and run.get("description")
+    named = run.get("sequence") not in (None, "", NO_SEQUENCE) and run.get("description")
     what = f"{run['sequence']} ({run['description']})" if named else "this run"
     return f"no shift: {what} changes no gear while the input shaft turns"
 

@@ -159,7 +159,7 @@ def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) 
     lost = what_was_lost(run)
     if not bag.recovered and lost:
         print(f"rig: not whole: {lost}", file=sys.stderr)
-    write_pages(args, lambda: _page_of_bag(args.run, bag, report, [f"Lost: {lost}."] if lost else []))
+    write_pages(args, lambda: _page_of_bag(args.run, bag, report, [f"Not whole: {lost}."] if lost else []))
     if args.picture is not None:
         _draw(args, report)
     if faults:

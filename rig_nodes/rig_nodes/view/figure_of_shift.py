@@ -305,7 +305,8 @@ class _Shift:
         set_ += [f"fault {name}" for name in ill[:MOST_CHANGED]]
         set_ += [f"{len(ill) - MOST_CHANGED} more faults"] if len(ill) > MOST_CHANGED else []
         how = {"simulate": "simulated", "import": "imported"}.get(run.get("mode") or "", "")
-        of = {None: "", NO_SEQUENCE: ", ordered by hand"}.get(run.get("sequence"), f" of {run.get('sequence')}")
+        named = run.get("sequence") or ""
+        of = ", ordered by hand" if named == NO_SEQUENCE else named and f" of {named}"
         origin = [f"shift {self.number} at {row['t_order_s']:.3f} s{of}", how]
         origin += [f"seed {run['seed']}"] if run.get("seed") is not None else []
         return " · ".join(", ".join(str(one) for one in part if one) for part in (state, set_, origin) if part)
