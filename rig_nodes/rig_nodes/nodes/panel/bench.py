@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from ...rig import Topic
 
-SLICE = 0.01  # s between two looks for orders
+SLICE = 0.1  # s after which the thread looks for jobs that wait for a server; new ones wake it
 KEPT = 20_000  # messages of one topic that wait for the page's thread, 20 s at 1 kHz; the newest stay
 FOUND = 10.0  # s in which the server of an action is found on a busy machine
 BEHIND = 0.3  # s by which a busy machine may be behind with a topic, of which then the newest messages are received
@@ -69,6 +69,7 @@ class Bench:
         self._executor = events_executor()
         self._executor.add_node(self._node)
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._turn = RosFuture()  # ends the executor's wait
         self._stopping = threading.Event()
         self.failure: Exception | None = None  # what has ended the thread
         self._inputs: list = []
@@ -94,6 +95,7 @@ class Bench:
     def close(self) -> None:
         """Leave the domain."""
         self._stopping.set()
+        self._turn.set_result(None)
         self._thread.join()
         self._executor.remove_node(self._node)
         self._node.destroy_node()
@@ -119,7 +121,7 @@ class Bench:
                 for topic in topics
             ]
 
-        self._jobs.put(begin)
+        self._do(begin)
 
     def take(self) -> dict[str, list[bytes]]:
         """Return the messages that have come since the last call, by topic."""
@@ -218,7 +220,7 @@ class Bench:
             elif not result.cancelled():  # it is new to this node, or its server is away
                 self._jobs.put(begin)
 
-        self._jobs.put(begin)
+        self._do(begin)
         return result
 
     def shift(self, gear: int, accepted: Callable[[], None]) -> Future:
@@ -266,20 +268,25 @@ class Bench:
             elif not result.cancelled():
                 self._jobs.put(begin)
 
-        self._jobs.put(begin)
+        self._do(begin)
         return result
 
     # ---- the thread
 
+    def _do(self, job: Callable[[], None]) -> None:
+        """Have the thread do a job now."""
+        self._jobs.put(job)
+        self._turn.set_result(None)
+
     def _serve(self) -> None:
         try:
             while not self._stopping.is_set():
+                self._turn = RosFuture()
                 for _ in range(self._jobs.qsize()):
                     self._jobs.get()()
-                until = time.monotonic() + SLICE
-                while (left := until - time.monotonic()) > 0.0:
-                    # not spin_until_future_complete, each call of which keeps 32 bytes for good (rclpy 7.1): 12 MB an hour
-                    self._executor.spin_once(left)
+                # each call keeps 32 bytes for good (rclpy 7.1), so not a hundred a second; spin_once keeps nothing, but costs
+                # 30 us a message beside other threads, and with events that it leaves behind rclpy has crashed
+                self._executor.spin_until_future_complete(self._turn, SLICE)
         except Exception as error:
             self.failure = error
 
