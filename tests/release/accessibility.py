@@ -7,18 +7,14 @@
     pip download --no-deps --dest /tmp/axe axe-playwright-python    # the wheel holds axe.min.js
     ./rig docs && tests/release/accessibility.py /tmp/axe/*.whl
 
-It serves a copy of the site on loopback, and starts `rig panel` with faults. Exit code 1 when something serious or critical is
+It serves the site on loopback, and starts `rig panel` with faults. Exit code 1 when something serious or critical is
 found, which is printed.
 """
 
 import collections
 import functools
-import html
 import http.server
-import json
-import re
-import shutil
-import subprocess
+import itertools
 import sys
 import tempfile
 import threading
@@ -34,13 +30,8 @@ from started_panel import READY, Panel
 
 SITE = Path(__file__).parents[2] / "docs" / "_build" / "html"
 AXE = "axe_playwright_python/axe.min.js"
-RUN = (
-    '<script src="{up}axe.js"></script><script>axe.run(document,{{resultTypes:["violations"]}}).then(found=>{{'
-    'const out=document.createElement("pre");out.id="found";out.textContent=JSON.stringify(found.violations.map('
-    "one=>[one.impact,one.id,one.nodes.length,one.nodes[0].html.slice(0,120)]));document.body.append(out)}})</script></body>"
-)
-SCHEMES = {"light": "1", "dark": "0"}
-ON_PAGE = (
+SCHEMES = "light", "dark"
+LOOK = (
     'axe.run(document,{resultTypes:["violations"]}).then(found=>found.violations.map('
     "one=>[one.impact,one.id,one.nodes.length,one.nodes[0].html.slice(0,120)]))"
 )
@@ -53,19 +44,28 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
         """Say nothing."""
 
 
-def looked_at(address: str, scheme: str) -> list[list]:
-    """Return what axe-core finds on a page: impact, rule, number of places, the first of them."""
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000", "--window-size=1200,900", "--dump-dom"]
-    command = ["chromium", *options, f"--blink-settings=preferredColorScheme={SCHEMES[scheme]}", address]
-    dom = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
-    found = re.search(r'<pre id="found"[^>]*>(.*?)</pre>', dom, re.DOTALL)
-    if found is None:
-        raise SystemExit(f"{address}: axe-core gave no result")
-    return json.loads(html.unescape(found[1]))
+def found_on_site(axe: str, site: Path) -> Iterator[tuple[str, list]]:
+    """Yield place and findings (impact, rule, number of places, the first of them) of each page; say how far it is."""
+    pages = sorted(page.relative_to(site) for page in site.rglob("*.html"))
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=site))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    address = f"http://127.0.0.1:{server.server_port}"
+    with closing(Browser("about:blank")) as browser:
+        for number, page in enumerate(pages, 1):
+            print(f"\r{number} of {len(pages)} pages", end="", file=sys.stderr, flush=True)
+            browser.call("Page.navigate", url=f"{address}/{page}")
+            browser.until(f"location.pathname === '/{page}' && document.readyState === 'complete'")
+            browser.call("Runtime.evaluate", expression=axe)
+            for scheme in SCHEMES:
+                browser.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+                for one in browser.js(LOOK):
+                    yield f"{page}, {scheme}", one
+    print(file=sys.stderr)
+    server.shutdown()
 
 
 def found_on_panel(axe: str) -> Iterator[tuple[str, list]]:
-    """Yield scheme and findings, as of :func:`looked_at`, of the operator's page with all of its parts open."""
+    """Yield place and findings of the operator's page with all of its parts open."""
     with tempfile.TemporaryDirectory() as folder:
         with closing(Panel(Path(folder), "hydmag", "--faults")) as panel, closing(Browser(panel.url)) as browser:
             browser.until(READY, 200)
@@ -76,41 +76,19 @@ def found_on_panel(axe: str) -> Iterator[tuple[str, list]]:
             for _ in SCHEMES:
                 browser.click("#theme")
                 scheme = browser.js("document.documentElement.dataset.theme")
-                for one in browser.js(ON_PAGE):
-                    yield scheme, one
+                for one in browser.js(LOOK):
+                    yield f"operator's page, {scheme}", one
 
 
 def main(wheel: str) -> int:
     """Look at all pages; return the exit code."""
     counts: collections.Counter = collections.Counter()
-    with tempfile.TemporaryDirectory() as folder:
-        site = Path(folder) / "site"
-        shutil.copytree(SITE, site)
-        axe = zipfile.ZipFile(wheel).read(AXE)
-        (site / "axe.js").write_bytes(axe)
-        pages = sorted(site.rglob("*.html"))
-        for page in pages:
-            up = "../" * (len(page.relative_to(site).parts) - 1)
-            page.write_text(page.read_text(encoding="utf-8").replace("</body>", RUN.format(up=up)), encoding="utf-8")
-        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=site))
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        for page in pages:
-            for scheme in SCHEMES:
-                for impact, rule, places, first in looked_at(
-                    f"http://127.0.0.1:{server.server_port}/{page.relative_to(site)}", scheme
-                ):
-                    counts[impact] += places
-                    if impact in ("serious", "critical"):
-                        print(f"{page.relative_to(site)}, {scheme}: {impact}, {rule}, {places} places, e.g. {first}")
-        server.shutdown()
-        for scheme, (impact, rule, places, first) in found_on_panel(axe.decode()):
-            counts[impact] += places
-            if impact in ("serious", "critical"):
-                print(f"operator's page, {scheme}: {impact}, {rule}, {places} places, e.g. {first}")
-    print(
-        f"{len(pages)} pages and the operator's, light and dark: "
-        + (", ".join(f"{n} {impact}" for impact, n in counts.items()) or "nothing")
-    )
+    axe = zipfile.ZipFile(wheel).read(AXE).decode()
+    for place, (impact, rule, places, first) in itertools.chain(found_on_site(axe, SITE), found_on_panel(axe)):
+        counts[impact] += places
+        if impact in ("serious", "critical"):
+            print(f"{place}: {impact}, {rule}, {places} places, e.g. {first}")
+    print("site and operator's page, light and dark: " + (", ".join(f"{n} {impact}" for impact, n in counts.items()) or "nothing"))
     return int(counts["serious"] + counts["critical"] > 0)
 
 
