@@ -75,6 +75,15 @@ def test_a_proposal_names_texts_and_reads_the_rest(tmp_path, monkeypatch):
     assert '"Drehzahl Antrieb [1/min]": {signal: n_wej, unit: "rpm"}  # line 2 has \'ERR\'' in proposed
 
 
+@pytest.mark.parametrize("head", ["Öltemperatur", "Oeltemperatur 1", "OilTemp", "Temperatura oleju"])
+def test_an_oil_temperature_is_found_by_its_name(head, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = table(**{f"{head} [°C]": lambda k: "40,0"}).replace("n_wej [rpm]", "Drehzahl Antrieb [1/min]")
+    (tmp_path / "a.csv").write_text(text)
+    assert main(["import", "a.csv"]) == 0
+    assert f'"{head} [°C]": {{signal: T_oil, unit: "degC"}}' in (tmp_path / "a.profile.yaml").read_text()
+
+
 @pytest.fixture(scope="module")
 def pa():
     pytest.importorskip("pyarrow.parquet")

@@ -29,7 +29,7 @@ OUTPUT = ("output", "out", "ausgang", "abtrieb", "ab", "wyj", "wyjś", "wyjs", "
 LOAD = ("load", "last", "obciąż", "obciaz", "pumpe", "pump", "pomp")
 SUPPLY = ("supply", "versorgung", "zasil", "system")
 GEAR = ("gear", "gang", "bieg")
-OIL = ("oil", "öl", "oel", "olej")
+OIL = ("oil", "öl", "oel", "olej", "oiltemp", "öltemp", "oeltemp", "öldruck", "oeldruck")
 _WORDS = re.compile(r"[^\W\d_]+|\d+")
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi")
 
