@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 sys.path.insert(0, str(Path(__file__).parent))
 
 project = "Virtual powertrain test rig"
-extensions = ["myst_parser", "sphinx_copybutton", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "made_pages"]
+extensions = ["myst_parser", "sphinx_copybutton", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "made_pages", "lesson_pictures"]
 root_doc = "index"
 exclude_patterns = ["_build", "pictures", "examples", "notebooks"]
 html_theme = "furo"

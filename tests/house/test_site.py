@@ -87,6 +87,10 @@ def test_it_builds_without_a_warning():
     assert (html / "searchindex.js").stat().st_size > 100_000
     page = (html / "how_to" / "report.html").read_text(encoding="utf-8")
     assert "<pre>" not in page and 'role="heading"><' not in page  # blocks take keys, captions that are headings have a level
+    lessons = (html / "learn" / "lessons.html").read_text(encoding="utf-8")
+    drawn = re.findall(r"--picture (\S+\.png)", (docs.DOCS / "learn" / "lessons.md").read_text(encoding="utf-8"))
+    assert [name for name in drawn if f'src="../_images/{name}"' not in lessons] == [] and len(drawn) >= 10
+    assert all((html / "_images" / name).stat().st_size > 20_000 for name in drawn)
     fetched = [
         address
         for page in html.rglob("*.html")
