@@ -14,6 +14,7 @@ import logging
 import os
 import re
 import shlex
+import shutil
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -61,7 +62,7 @@ def draw() -> None:
                 if code:
                     raise ExtensionError(f"docs/{PAGE}.md: './rig {command}' has exit code {code}: {said.getvalue()}")
             for name in DRAWS.findall(lesson):
-                Path(name).replace(folder / name)
+                shutil.move(name, folder / name)  # the temporary folder may be on another file system
 
 
 class Shown(SphinxTransform):
@@ -75,5 +76,5 @@ class Shown(SphinxTransform):
             return
         for block in list(self.document.findall(nodes.literal_block)):
             for name in reversed(DRAWS.findall(block.astext())):
-                image = nodes.image(uri=f"/{FOLDER}/{name}", alt=f"What the commands of lesson {block.parent[0].astext()} draw")
+                image = nodes.image(uri=f"/{FOLDER}/{name}", alt=f"Picture of lesson {block.parent[0].astext()}")
                 block.parent.insert(block.parent.index(block) + 1, image)
