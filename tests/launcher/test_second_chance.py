@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rig_nodes.cli.test import NOT_JUDGED, counted, failed_tests, may_try_again, parts_of, slowest
+from rig_nodes.cli.test import AT_MOST, NOT_JUDGED, counted, failed_tests, may_try_again, parts_of, slowest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -20,7 +20,7 @@ CLOCK = "tests/graph/test_live_graph.py::test_torque_is_read_without_gaps_and_in
 PLAIN = "tests/plant/test_models.py::test_something"
 ROOT = Path(__file__).resolve().parents[2]
 WATCH = (ROOT / "tests/machine.py").read_text()
-TOLD = "not judged, because this machine does not keep time: tests/graph/test_one.py"
+TOLD = "; not judged, because this machine does not keep time: tests/graph/test_one.py"
 RUN_ALL = (
     "import sys; from argparse import Namespace; from pathlib import Path; from rig_nodes.cli import test; "
     "test.tests_root = lambda: Path(sys.argv[1]); sys.exit(test.main(Namespace(passed_on=[])))"
@@ -121,15 +121,15 @@ def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "times, still, code, end",
+    "times, still, code, first, end",
     [
-        (1, 60.0, 0, "passed then"),
-        (2, 60.0, 0, "passed then"),
-        (3, 60.0, 1, "failed again: tests/graph/test_one.py"),
-        (3, -60.0, 0, TOLD),
+        (1, 60.0, 0, "1 failed, 1 passed", "::test_late; passed then"),
+        (2, 60.0, 0, "1 failed, 1 passed", "::test_late; passed then"),
+        (3, 60.0, 1, "1 failed, 1 passed", "::test_late; failed again: tests/graph/test_one.py"),
+        (3, -60.0, 0, "1 passed, 1 skipped", TOLD),
     ],
 )
-def test_what_fails_against_the_clock_runs_up_to_twice_more_alone(tmp_path, times, still, code, end):
+def test_what_fails_against_the_clock_runs_up_to_twice_more_alone(tmp_path, times, still, code, first, end):
     """The last machine is one that is not fit: it is never late by less than -60 s."""
     (tmp_path / "pytest.ini").write_text(
         "[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\nmarkers =\n    campaign\n    against_the_clock\n"
@@ -139,10 +139,29 @@ def test_what_fails_against_the_clock_runs_up_to_twice_more_alone(tmp_path, time
     watch = f"SLOWER, STILL = 1e3, {still}"  # the machine of this test plays no part
     (tmp_path / "tests" / "machine.py").write_text(WATCH.replace("SLOWER = 1.5", watch).replace("STILL = 0.05", ""))
     done = subprocess.run([sys.executable, "-c", RUN_ALL, str(tmp_path)], capture_output=True, text=True, timeout=120)
-    assert done.returncode == code and "rig: 1 failed, 1 passed in" in done.stdout, done.stdout + done.stderr
-    last = done.stdout.splitlines()[-1]
-    assert last == f"rig: failed the first time: tests/graph/test_one.py::test_late; {end}"
+    assert done.returncode == code and f"rig: {first} in" in done.stdout, done.stdout + done.stderr
+    assert done.stdout.splitlines()[-1] == f"rig: failed the first time: tests/graph/test_one.py{end}"
     assert (tmp_path / "beside").read_text() == "x", "what has no clock runs once"
+
+
+def test_a_machine_that_is_too_slow_for_many_files_ends_with_their_names(tmp_path):
+    (tmp_path / "pytest.ini").write_text(
+        "[pytest]\ntestpaths = tests\naddopts = --import-mode=importlib\nmarkers =\n    campaign\n    against_the_clock\n"
+    )
+    (tmp_path / "tests" / "graph").mkdir(parents=True)
+    files = [f"tests/graph/test_{n}.py" for n in range(AT_MOST + 1)]
+    for file in files:
+        after = "\n\n@pytest.mark.against_the_clock\ndef test_after():\n    raise SystemExit('the file goes on')\n"
+        (tmp_path / file).write_text(LATE.replace("TIMES", "1000") + after)
+    (tmp_path / "tests" / "machine.py").write_text(WATCH.replace("SLOWER = 1.5", "SLOWER = 0.0"))
+    done = subprocess.run([sys.executable, "-c", RUN_ALL, str(tmp_path)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and f"rig: {len(files)} passed, {2 * len(files)} skipped in" in done.stdout, (
+        done.stdout + done.stderr
+    )
+    assert "once more" not in done.stdout and "the file goes on" not in done.stdout
+    told = [line for line in done.stdout.splitlines() if line.startswith("rig: not judged: ")]
+    assert sorted(line.split(": ")[2].split(";")[0] for line in told) == files
+    assert all("times slower than a usual one" in line for line in told)
 
 
 @pytest.mark.parametrize(
@@ -159,7 +178,7 @@ def test_a_machine_is_fit_or_it_is_said_why_not(late, took, why):
 
 
 def test_what_is_measured_is_what_the_machine_does():
-    watched = machine.Watched()
+    watched = machine.Watched(None)
     late, took = watched.measured()
-    assert 0.0 <= late < 10.0 and 0.0 < took < 1.0
+    assert 0.0 <= late < 10.0 and 0.0 < took < 1.0 and watched.measured("the next file")[0] == 0.0
     watched._process.communicate()

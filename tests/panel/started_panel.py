@@ -40,4 +40,7 @@ class Panel:
     def close(self) -> str:
         """Ends it in order and returns what it has printed."""
         self.process.send_signal(signal.SIGINT)
-        return self.process.communicate(timeout=60)[0]
+        try:
+            return self.process.communicate(timeout=60)[0]
+        finally:
+            self.process.kill()  # one that has not ended would run beside the tests that follow

@@ -36,9 +36,9 @@ AGAINST_THE_CLOCK = "against_the_clock"
 ONLY_CLOCK = f"{AGAINST_THE_CLOCK} and not campaign"
 AT_MOST = 8  # files that get further chances; more failures are no accident
 CHANCES = 2  # further runs of a file that failed
-# Then a process of its own watches whether the machine keeps time (tests/machine.py, a plugin of pytest); what fails on one that
+# A process of its own watches whether the machine keeps time (tests/machine.py, a plugin of pytest); what fails on one that
 # does not is told and proves nothing.
-WATCHED, NOT_JUDGED = ("-p", "tests.machine", "-rs"), 80
+WATCHED, NOT_JUDGED, NOTED = ("-p", "tests.machine", "-rs"), 80, "v/rig/not_judged"
 # Folders whose processes wait for each other with time limits run first; the number is that of their parts, each short
 # enough that the last one does not run alone for long.
 FIRST = {"graph": 2, "controllers": 5, "fmu": 1}
@@ -70,7 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Everything given is passed to pytest: 'rig test -x -k valve', 'rig test tests/plant'. "
         "--quick runs what needs no ROS and at most one rig's compiled code, in less than two minutes. "
         "Without arguments, folders run side by side on this machine's cores, and after some of them what "
-        "runs against the clock; files that failed against the clock, up to 8, are tried up to twice more and named."
+        "runs against the clock; files that failed against the clock, up to 8, are tried up to twice more and named. "
+        "What fails against the clock on a machine that was measured not to keep time is not judged, and named too."
     )
 
 
@@ -159,7 +160,7 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
                 show(name, output, code)
             if clock:
                 print("rig: against the clock", flush=True)
-                process, line = begin(CLOCK, ONLY_CLOCK, "-v", *clock), ""
+                process, line = begin(CLOCK, ONLY_CLOCK, "-v", *WATCHED, *clock), ""
                 for line in process.stdout or ():
                     if TIMES.match(line):
                         times += line
@@ -174,17 +175,25 @@ def _all(root: Path, command: list[str], env: dict[str, str]) -> int:
             for pool in (together, below, after):
                 pool.shutdown(wait=False, cancel_futures=True)
             raise
-    failed = failed_tests(root)
+    failed, unjudged = failed_tests(root), not_judged(root)
     note_failed(root, failed)
     print(slowest(times), flush=True)
     total = ", ".join(f"{counts[what]} {what}" for what in ("failed", "error", "passed", "skipped") if counts[what])
     print(f"rig: {total} in {time.monotonic() - began:.0f} s", flush=True)
-    code = next((code for code in codes if code not in (PASSED, FAILED, NOTHING_THERE)), int(FAILED in codes))
-    if code != FAILED or not may_try_again(failed, failed_tests(root, CLOCK)):
+    for file, why in unjudged.items():
+        print(f"rig: not judged: {file}; {why}", flush=True)
+    code = next((code for code in codes if code not in (PASSED, FAILED, NOT_JUDGED, NOTHING_THERE)), int(FAILED in codes))
+    again = [*failed, *unjudged]
+    if code not in (PASSED, FAILED) or not may_try_again(again, [*failed_tests(root, CLOCK), *unjudged]):
         return code
+    return _second_chances(again, [*command, *WATCHED, "-m", ONLY_CLOCK], env, root)
+
+
+def _second_chances(failed: list[str], command: list[str], env: dict[str, str], root: Path) -> int:
+    """Run tests' files again, each alone, and say how they ended; return the exit code."""
     print("rig: what failed runs against the clock; once more, file by file: " + ", ".join(failed), flush=True)
     files = sorted({test.split("::")[0] for test in failed})
-    codes = {file: _again([*command, *WATCHED, "-m", ONLY_CLOCK, file], env, root) for file in files}
+    codes = {file: _again([*command, file], env, root) for file in files}
     ends = {
         "failed again": [file for file in files if codes[file] not in (PASSED, NOT_JUDGED)],
         "not judged, because this machine does not keep time": [file for file in files if codes[file] == NOT_JUDGED],
@@ -271,6 +280,12 @@ def failed_tests(root: Path, part: str = "*") -> list[str]:
     for notes in (root / PARTS).glob(f"{part}/{LAST_FAILED}"):
         failed.update(json.loads(notes.read_text()))
     return sorted(failed)
+
+
+def not_judged(root: Path) -> dict[str, str]:
+    """Return the files against the clock that this machine could not judge, each with what was measured."""
+    notes = root / PARTS / CLOCK / NOTED
+    return json.loads(notes.read_text()) if notes.is_file() else {}
 
 
 def note_failed(root: Path, failed: list[str]) -> None:
