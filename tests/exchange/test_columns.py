@@ -84,6 +84,34 @@ def test_an_oil_temperature_is_found_by_its_name(head, tmp_path, monkeypatch):
     assert f'"{head} [°C]": {{signal: T_oil, unit: "degC"}}' in (tmp_path / "a.profile.yaml").read_text()
 
 
+@pytest.mark.parametrize(
+    "head", ["Gangwechselzeit [ms]", "Gang Ist", "Soll-Druck 1 [bar]", "Tank pressure 1 [bar]", "Input speed setpoint [rpm]"]
+)
+def test_what_a_proposal_cannot_know_is_a_comment_in_it(head, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = table(**{head: lambda k: "1,0"}).replace("p1 [bar]", "x [bar]").replace("n_wej [rpm]", "y [rpm]")
+    (tmp_path / "a.csv").write_text(text)
+    assert main(["import", "a.csv"]) == 0
+    assert f'\n  # "{head}": {{signal: ?' in (tmp_path / "a.profile.yaml").read_text()
+
+
+@pytest.mark.parametrize("head", ["x [%]", "Druck #2 [bar]", "a // b [bar]"])
+def test_signs_of_comments_may_stand_in_heads(head, tmp_path):
+    found = measured(tmp_path, table().replace("p1 [bar]", head), profile=f'columns: {{"{head}": {{signal: p1, unit: bar}}}}\n')
+    assert found.channels["p1"][0] == pytest.approx(23.5e5)
+
+
+def test_blanks_in_lines_with_tabs_group_thousands(tmp_path):
+    assert rpm(measured(tmp_path, table(sep="\t").replace("1501,000", "1 501,000"))) == pytest.approx([1500.0, 1501.0])
+
+
+def test_a_number_for_no_value_is_none_in_parquet_too(pa, tmp_path):
+    speeds = [1500.0, -999.0, *[1500.0] * (ROWS - 2)]
+    pa.parquet.write_table(pa.table({"t [s]": K * 1e-3, "n_wej [rpm]": speeds}), tmp_path / "a.parquet")
+    found = measured(tmp_path, (tmp_path / "a.parquet").read_bytes(), "a.parquet", 'missing: ["-999"]\ncolumns: {n_wej: n_wej}\n')
+    assert found.about["missing"] == 1 and rpm(found) == pytest.approx([1500.0, 1500.0])
+
+
 @pytest.fixture(scope="module")
 def pa():
     pytest.importorskip("pyarrow.parquet")

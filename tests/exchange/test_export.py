@@ -12,11 +12,13 @@ import sys
 import numpy as np
 import pytest
 from laboratory import SAMPLE
+from small import measured, table
 
 from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.bags.exchange import groups
 from rig_nodes.bags.exchange.groups import Signals, on_one_clock, on_own_clocks
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 
 
@@ -70,6 +72,14 @@ def test_a_csv_is_plain_and_the_file_beside_it_describes_it(folder, bag):
     about = json.loads((folder / "sample.csv-metadata.json").read_text())
     assert about["url"] == "sample.csv" and [one["titles"] for one in about["tableSchema"]["columns"]] == list(rows[0])
     assert about["rig:rig"] == "hydmag" and about["rig:seed"] == "1"
+
+
+def test_what_lies_beside_a_csv_of_another_content_is_not_taken_for_its_description(tmp_path):
+    exported("csv", tmp_path)
+    with pytest.raises(RigError, match="sample.csv-metadata.json: describes a run whose CSV file had another content; delete it"):
+        measured(tmp_path, table(), name="sample.csv")
+    (tmp_path / "sample.csv-metadata.json").unlink()
+    assert measured(tmp_path, table(), name="sample.csv").events == []
 
 
 def test_other_tools_find_units_and_provenance(folder, bag):

@@ -93,6 +93,16 @@ def test_words_for_no_value_count_as_missing_and_are_named(text, tmp_path):
     assert any("1 of 2400 values are missing" in note for note in found.notes) and rpm(found, 3) == pytest.approx([1500] * 3)
 
 
+@pytest.mark.parametrize("text", ["-999", "-999,0", '"-999"'])
+@pytest.mark.parametrize("beside", ["", "n/a"])
+def test_a_number_that_stands_for_no_value_is_none_in_every_form_and_beside_words(text, beside, tmp_path):
+    lines = table().splitlines()
+    lines[3] = lines[3].replace("1500,000", text)
+    lines[10] = lines[10].replace("1501,000", beside or "1501,000")
+    found = measured(tmp_path, "\n".join(lines), profile=f'missing: ["-999"]\n{TAKEN}')
+    assert found.about["missing"] == 1 + bool(beside) and np.isfinite(found.channels["n_wej"]).all()
+
+
 def test_a_minus_sign_of_typographers_is_one(tmp_path):
     found = measured(tmp_path, table().replace(";10,250;", ";\u221210,250;", 1))
     assert found.channels["M_wej"][:2].tolist() == [-10.25, 11.25]

@@ -168,14 +168,13 @@ def test_missing_rows_are_named_with_place_and_length(tmp_path):
         (table(SECONDS[:100] + SECONDS[99:]), "have the same time, 3.099 s; remove the wrong row; a period in place of 't .s.'"),
         (table([f"{k / 5000:.4f}" for k in range(ROWS)]), "has 400 steps of 0.2 ms in 0.0798 s"),
         (table([f"10:00:0{k // 100}" for k in range(ROWS)], head="Zeit"), "its 400 rows take 0.4 s, but the times in 'Zeit'"),
-        (table(head="", above="# Sample rate: 2 kHz\n"), "is given as 1 ms, but line 1, '# Sample rate: 2 kHz' says 0.5 ms"),
         (
             table([str(k + 5 * (k > 99)) for k in range(ROWS)], head="Nr"),
             "'Nr' goes from 99 to 105 at line 102, and a period would",
         ),
         (table(SECONDS[:100] + SECONDS[104:], head="Temps"), "'Temps' goes from 3.099 to 3.104 at line 102, and a period would"),
     ],
-    ids=["gap", "row twice", "other step", "few digits", "line of the file", "jumping count", "times without a unit"],
+    ids=["gap", "row twice", "other step", "few digits", "jumping count", "times without a unit"],
 )
 def test_a_period_is_refused_when_the_file_contradicts_it(text, sentence, tmp_path):
     with pytest.raises(RigError, match=sentence):

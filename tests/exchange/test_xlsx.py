@@ -117,6 +117,13 @@ def test_numbers_as_text_are_read_by_their_signs_and_a_proposal_names_the_sheet(
     assert np.allclose(Bag(tmp_path / "run").logger().channels["p1"], 1e5 * PRESSURE)
 
 
+def test_a_truth_value_is_no_number(tmp_path):
+    rows = [[t, a, True if n == 5 else p] for n, (t, a, p) in enumerate(table())]
+    path = written(tmp_path / "x.xlsx", ("A", [["t [s]", "Moment [Nm]", "Druck [bar]"], *rows]))
+    with pytest.raises(RigError, match=r"has 'True' in column 'Druck \[bar\]' where a number is expected"):
+        read_foreign(path).channels[2].values
+
+
 def test_two_columns_of_one_head_are_told_apart(tmp_path):
     path = written(tmp_path / "x.xlsx", ("A", [["t [s]", "p [bar]", "p [bar]"], *table()]))
     assert [one.head for one in read_foreign(path).channels] == ["t [s]", "column 2/p [bar]", "column 3/p [bar]"]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -108,6 +109,16 @@ class Signs:
         if match := grouped.fullmatch(text):
             return float(text.replace(match[1], "").replace(self.decimal, "."))
         return np.nan if OBVIOUS.fullmatch(text) else None
+
+
+def numbers_in(texts: Sequence[str], decimal: str | None) -> tuple[float, ...]:
+    """Return the numbers among texts, by their decimal sign where it is known; those that could be two numbers are left out."""
+    found = set()
+    for text in texts:
+        with suppress(ValueError):
+            number = Signs(decimal or ("," if "," in text else "."), missing=()).number(text)
+            found |= set() if number is None or number != number else {number}
+    return tuple(sorted(found))
 
 
 def _in_cells(text: str, core: str, delimiter: str, quoted: bool) -> bool:
@@ -309,10 +320,10 @@ class Cells:
         if cell is None:
             return np.nan
         if not isinstance(cell, str):
-            try:
-                return float(cell)
-            except (TypeError, ValueError):
-                raise CellError(f"{self._where(row, cell)} where a number is expected") from None
+            with suppress(TypeError, ValueError):
+                if not isinstance(cell, bool):  # TRUE of a workbook is no 1
+                    return float(cell)
+            raise CellError(f"{self._where(row, cell)} where a number is expected")
         try:
             number = signs.number(cell)
         except ValueError as error:

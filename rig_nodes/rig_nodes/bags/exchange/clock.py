@@ -248,22 +248,35 @@ class Clock:
         counts["bridged"] += int((empty & near).sum()) if own == 1 else 0
         return np.where(empty & near, filled, out)
 
-    def carried(self, times: Floats, values: Floats, held: bool, counts: dict[str, int]) -> Floats:
+    def carried(self, channel: Channel, values: Floats, held: bool, counts: dict[str, int]) -> Floats:
         """Return a signal with times of its own on the clock: by its last value if it is ``held``, else by straight lines.
 
-        As in ``placed``, rows in gaps over the bridge stay empty, and are counted.
+        As in ``placed``, rows in gaps over the bridge stay empty, and are counted, as are those before its first and behind its
+        last value; values before and behind the clock are left out, which is noted.
         """
+        times = self.times_of(channel, len(values))
         known = np.isfinite(values) & np.isfinite(times)
         times, values, own = times[known], values[known], self.times()
         if len(times) < 2 or not np.all(np.diff(times) > 0.0):
             raise RigError(
-                f"{self._foreign.path}: a signal with times of its own has {len(times)} values, or times that do not grow"
+                f"{self._foreign.path}: '{channel.head}' with times of its own has {len(times)} values, or times that do not grow"
+            )
+        if times[0] > own[-1] or (not held and times[-1] < own[0]):
+            raise RigError(
+                f"{self._foreign.path}: '{channel.head}' has times from {times[0]:.10g} to {times[-1]:.10g} s, and the "
+                f"other signals from {own[0]:.10g} to {own[-1]:.10g} s; a recording needs a time that is common to all"
             )
         if not held:
             usual, at = 1.5 * float(np.median(np.diff(times))), np.clip(np.searchsorted(times, own), 1, len(times) - 1)
             before, behind = own - times[at - 1], times[at] - own
             lacking = (before + behind > usual) & (np.minimum(before, behind) > 1e-3 * self.period)
-            empty = lacking & (before + behind > self._bridge + 1e-3 * self.period)
+            outside = np.maximum(-before, -behind) > usual
+            empty = (lacking & (before + behind > self._bridge + 1e-3 * self.period)) | outside
+            lacking |= outside
+            if cut := int(((times < own[0] - usual) | (times > own[-1] + usual)).sum()):
+                self.notes.append(
+                    f"{cut} values of '{channel.head}' are before or behind the times of the others, and were left out"
+                )
             counts["missing"] += int(lacking.sum())
             counts["bridged"] += int((lacking & ~empty).sum())
             return np.where(empty, np.nan, np.interp(own, times, values, np.nan, np.nan))

@@ -23,7 +23,7 @@ import numpy as np
 
 from ...base import RigError, atomic_write, not_written, optional
 from .groups import Column, Group, Rows, Signals, on_one_clock, on_own_clocks
-from .provenance import KEY, csvw_path, lines_of, provenance_of, text_of
+from .provenance import CSV_DIGEST, KEY, csvw_path, digest_of, lines_of, provenance_of, text_of
 
 if TYPE_CHECKING:
     from ...base import Floats
@@ -112,8 +112,8 @@ def _csv(order: Order) -> None:
                 cells = [[repr(t / 1e9) for t in rows.times.tolist()]]
                 cells += [["" if x != x else repr(x) for x in column] for column in rows.values.T.tolist()]
                 file.writelines(",".join(row) + "\n" for row in zip(*cells))
-        about = csvw_path(order.target)
-        atomic_write(about, json.dumps(_csvw(order), ensure_ascii=False, indent=1) + "\n")
+        about, described = csvw_path(order.target), {**_csvw(order), CSV_DIGEST: digest_of(part)}
+        atomic_write(about, json.dumps(described, ensure_ascii=False, indent=1) + "\n")
 
 
 def _csvw(order: Order) -> dict:

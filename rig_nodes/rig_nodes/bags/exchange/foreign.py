@@ -8,16 +8,18 @@ bags.exchange.imported makes measurements of them. Each format has a file of its
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...base import RigError, brief, meant, no_file
-from .cells import MISSING, Cells
+from .cells import MISSING, Cells, numbers_in
 from .formats.format import format_of
+from .provenance import digest_of
 
 if TYPE_CHECKING:
     from ...base import Floats
@@ -67,6 +69,8 @@ class Channel:
         Its own times [s], where the file has them.
     over : str
         What it is recorded over in place of times, such as an angle.
+    missing : tuple of float
+        Numbers that stand where a value is missing.
     """
 
     head: str
@@ -75,11 +79,13 @@ class Channel:
     content: Floats | Cells
     times: Floats | None = None
     over: str = ""
+    missing: tuple[float, ...] = ()
 
     @cached_property
     def values(self) -> Floats:
         """The numbers, (rows,), NaN where there is none; RigError with the place when the channel has something else."""
-        return self.content.numbers() if isinstance(self.content, Cells) else self.content
+        found = self.content.numbers() if isinstance(self.content, Cells) else self.content
+        return np.where(np.isin(found, self.missing), np.nan, found) if self.missing else found
 
     @property
     def kind(self) -> str:
@@ -133,8 +139,7 @@ class Foreign:
 
     def digest(self) -> str:
         """Return the SHA-256 of the file."""
-        with open(self.path, "rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return digest_of(self.path)
 
 
 def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
@@ -166,9 +171,12 @@ def read_foreign(path: str | Path, form: Form | None = None) -> Foreign:
             raise RigError(f"{path}: has {size} bytes, and a file is read as a whole, at most {LARGEST}; split it")
         if not size:
             raise RigError(f"{path}: is empty")
-        return format_of(path).channels(path, form or Form())
+        form = form or Form()
+        found = format_of(path).channels(path, form)
     except OSError as error:
         raise RigError(f"{path}: cannot be read ({error.strerror or error})") from None
+    missing = numbers_in(form.missing, found.form.decimal)
+    return replace(found, channels=[replace(one, missing=missing) for one in found.channels]) if missing else found
 
 
 def named(channels: Sequence[Channel], head: str, where: str) -> Channel | None:

@@ -184,7 +184,7 @@ def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, 
                 f"{len(axis.stamps.seconds)}; name the column of its own times, e.g. {{signal: NAME, time: COLUMN}}"
             )
         else:
-            channels[name] = clock.carried(clock.times_of(channel, len(values)), values, bool(signals[name].states), counts)
+            channels[name] = clock.carried(channel, values, bool(signals[name].states), counts)
     events = _events(foreign, profile, orders, record, axis, clock)
     return _measurement(_Read(foreign, profile, axis, clock, found, counts), channels, events, record, named_by)
 

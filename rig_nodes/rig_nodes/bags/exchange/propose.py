@@ -20,8 +20,8 @@ from .foreign import Channel, Foreign, Form
 from .imported import ORDER_NAMES
 from .profile import OPEN
 from .stamps import unit_of_numbers
-from .time_columns import Times, found_times
-from .units import time_unit_of, unit_of
+from .time_columns import Times, found_times, unit_of_times
+from .units import unit_of
 
 # beginnings of words in heads
 INPUT = ("input", "in", "eingang", "antrieb", "an", "wej", "wejś", "wejs", "motor", "silnik")
@@ -30,6 +30,9 @@ LOAD = ("load", "last", "obciąż", "obciaz", "pumpe", "pump", "pomp")
 SUPPLY = ("supply", "versorgung", "zasil", "system")
 GEAR = ("gear", "gang", "bieg")
 OIL = ("oil", "öl", "oel", "olej", "oiltemp", "öltemp", "oeltemp", "öldruck", "oeldruck")
+ENGAGED = ("ist", "actual", "current", "engaged", "aktuell", "aktual")
+# what is no measured value of the rig's own places
+ELSEWHERE = ("soll", "set", "setpoint", "target", "command", "demand", "reference", "zadan", "tank", "return", "rücklauf", "powrót")
 _WORDS = re.compile(r"[^\W\d_]+|\d+")
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi")
 
@@ -56,7 +59,7 @@ def proposed(foreign: Foreign, record: Mapping, rig: str) -> tuple[str, list[str
     box = transmission_of(record) if record["structure"]["gears"] else None
     times = found_times(foreign.channels)
     clocks = times.all()
-    gear = _first(foreign, lambda one: one.name in ORDER_NAMES or any(_mentions(one.name, (word,)) for word in GEAR))
+    gear = _first(foreign, lambda one: one.name in ORDER_NAMES) or _first(foreign, _may_order)
     best: dict[str, Signal] = {}
     for one in foreign.channels:
         if not any(one is other for other in (*clocks, gear)) and one.kind == "numbers" and (found := _guess(one, measured, box)):
@@ -140,7 +143,7 @@ def _time_lines(foreign: Foreign, times: Times) -> list[str]:
 
 def _time_unit(channel: Channel) -> str:
     known = channel.values[channel.values == channel.values]
-    return time_unit_of(channel.unit) or (unit_of_numbers(known) if len(known) else "s")
+    return unit_of_times(channel) or (unit_of_numbers(known) if len(known) else "s")
 
 
 def _doubt(channel: Channel) -> str:
@@ -173,13 +176,18 @@ def _mentions(head: str, words: tuple[str, ...]) -> bool:
     return any(word == other or (len(other) > 3 and word.startswith(other)) for word in head_words for other in words)
 
 
+def _may_order(one: Channel) -> bool:
+    """Return True when a column may hold the ordered gear: a time of a shift and the gear that is in are something else."""
+    return _mentions(one.name, GEAR) and unit_of(one.unit or "-") == "-" and not _mentions(one.name, (*ENGAGED, "wechselzeit"))
+
+
 def _guess(one: Channel, measured: list[Signal], box: Transmission | None) -> Signal | None:
     """Return the signal that a head most probably means; None when two signals are equally probable, or the head names none."""
     unit = unit_of(one.unit)
     for signal in measured:
         if one.name == signal.name and (unit is None or UNITS[unit][0] == UNITS[signal.display_unit][0]):
             return signal
-    if unit is None:
+    if unit is None or _mentions(one.name, ELSEWHERE):
         return None
     could = [signal for signal in measured if UNITS[signal.display_unit][0] == UNITS[unit][0]]
     marks = {signal.name: _mark(one.name, signal, box) for signal in could}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..reader import Bag
 
 KEY = "rig_nodes.run"  # key in the metadata of Parquet, and name of the attachment or variable in the other formats
-_BLOCK = 1 << 20
+CSV_DIGEST = "rig:csv_sha256"  # key beside a CSV file: the digest of the content that is described there
 
 
 def provenance_of(small: Bag) -> dict:
@@ -38,18 +38,20 @@ def provenance_of(small: Bag) -> dict:
         ``run`` is the record of the run with its configuration, seed, versions and, of a re-run, its parent; ``events`` are rows
         (t [s], topic, name, text, value); ``bag`` and ``sha256`` name the bag's file; ``exported_by`` is this version.
     """
-    digest = hashlib.sha256()
     path = small.path if small.path.is_file() else next(iter(sorted(small.path.glob("*.mcap"))))
-    with open(path, "rb") as file:
-        while block := file.read(_BLOCK):
-            digest.update(block)
     return {
         "run": {**small.run_info(), "configuration": dict(small.record)},
         "events": [list(event) for event in small.events()],
         "bag": path.name,
-        "sha256": digest.hexdigest(),
+        "sha256": digest_of(path),
         "exported_by": f"rig_nodes {__version__}",
     }
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def text_of(provenance: dict) -> str:

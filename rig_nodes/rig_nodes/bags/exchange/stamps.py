@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from .cells import Cells
 
 DAY, HOUR = 86400, 3600  # s
+TURNS = (2**8, 2**16, 2**24, 2**32)  # numbers of a counter
+USUAL = 0.8  # share of its steps that are alike
 NS = 1_000_000_000
 SINCE_1970 = (9.46e8, 4.1e9)  # s; 2000 to 2099
 DAYS = ((36526.0, 54788.0), (730486.0, 748749.0))  # days of Excel and of MATLAB from 2000 to 2050
@@ -66,12 +68,36 @@ class Stamps:
         Time of day or since 1970 [s] from which ``seconds`` count.
     first : str
         The first time as it stands in the file.
+    turns : int
+        How often a counter of times begins anew.
     """
 
     seconds: Floats
     dated: bool = False
     zero: float = 0.0
     first: str = ""
+    turns: int = 0
+
+
+def unwrapped(values: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return the numbers of a counter that begins anew at its end as numbers that go on, and how often it does.
+
+    It is one when its whole numbers go back only from the end of TURNS to its beginning, and have a usual step; other numbers are
+    returned as they are.
+    """
+    at = np.flatnonzero(np.isfinite(values))
+    known = values[at].astype(float)
+    steps = np.diff(known)
+    back = steps < 0.0
+    if not back.any() or not np.all(known == np.rint(known)):
+        return values, 0
+    usual, span = float(np.median(steps[~back])) if not back.all() else 0.0, float(known.max() - known.min())
+    turn = next((one for one in TURNS if span < one), 0)
+    if not turn or turn - span > 3.0 * usual or np.mean(np.abs(steps - usual) <= 1.0) < USUAL or np.any(steps[back] + turn <= 0.0):
+        return values, 0
+    goes_on = values.astype(float)
+    goes_on[at] += turn * np.append(0, np.cumsum(back))
+    return goes_on, int(back.sum())
 
 
 def stamps_of_numbers(values: np.ndarray, unit: str | None) -> Stamps:
@@ -224,15 +250,15 @@ def _durations(column: Cells, texts: list[str]) -> Stamps:
         match = _DURATION.fullmatch(text)
         if match is None:
             raise _no_time(column, n, text)
-        fraction = float(f"0.{match['f'] or 0}")
-        whole = (
-            HOUR * int(match["h"] or 0)
-            + 60 * int(match["m"] or 0)
-            + int(match["s"] or 0)
-            + DAY * int(match["sign"] + match["days"])
-        )
-        out[n] = whole + fraction
+        out[n] = _nanoseconds(match) / NS
     return Stamps(out)
+
+
+def _nanoseconds(match: re.Match) -> int:
+    """Return the nanoseconds of a duration."""
+    minutes = 60 * int(match["h"] or 0) + int(match["m"] or 0)
+    whole = DAY * int(match["sign"] + match["days"]) + 60 * minutes + int(match["s"] or 0)
+    return NS * whole + int((match["f"] or "").ljust(9, "0")[:9])
 
 
 def _of_texts(column: Cells, texts: list[str], first: str) -> Stamps:
@@ -246,6 +272,9 @@ def _of_texts(column: Cells, texts: list[str], first: str) -> Stamps:
             empty[n] = True
             continue
         match = _match(text)
+        if match is None and not dated and not zoned and (days := _DURATION.fullmatch(text)):  # Python's form from one day on
+            ns[n] = _nanoseconds(days)
+            continue
         if match is None:
             raise _no_time(column, n, text)
         key = match["date"], match["h"], match["m"], match["half"], match["zone"], match["mf"] is not None

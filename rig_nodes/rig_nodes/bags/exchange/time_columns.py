@@ -9,8 +9,8 @@ bags.exchange.imported takes the times of a measurement from here, bags.exchange
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,13 +20,18 @@ from .cells import CellError, Cells
 from .clock import REPEATED, Clock
 from .foreign import Channel, Foreign, column
 from .profile import Profile
-from .stamps import DAYS, LOOKED_AT, SINCE_1970, Stamps, are_stamps, has_date, stamps_of_cells, stamps_of_numbers
+from .stamps import DAYS, LOOKED_AT, SINCE_1970, Stamps, are_stamps, has_date, stamps_of_cells, stamps_of_numbers, unwrapped
 from .units import TIME_UNITS, time_unit_of
 
 if TYPE_CHECKING:
     from ...base import Floats
 
-NAME = re.compile(r"(?:t|time|czas|zeit|timestamps?|uhrzeit|elapsed ?time)[\s_]*\(?\w{0,2}\)?", re.IGNORECASE)
+NAME = re.compile(
+    r"(?:t|time|czas|zeit|timestamps?)[\s_]+(?P<unit>ms|us|ns|s)|(?:time|czas|zeit)(?P<closed_up>ms|us|ns)"
+    r"|(?:t|time|czas|zeit|timestamps?|uhrzeit|elapsed ?time)[\s_]*\(?\w{0,2}\)?",
+    re.IGNORECASE,
+)
+AS_FAST = 1.1  # ratio of two periods from which on one clock is the faster one
 EXACT = 2**53  # beyond it not every whole number is a float
 CLOSE = 1e-3  # relative difference of two periods that mean the same
 
@@ -66,8 +71,8 @@ def found_times(channels: Sequence[Channel]) -> Times:
     Returns
     -------
     Times
-        The columns. The columns to the right of a second time column belong to it, as oscilloscopes write them; the main one has
-        the most values.
+        The columns. The columns to the right of a second time column belong to it, as oscilloscopes write them; the main one is
+        the fastest.
     """
     open_ones = [one for one in channels if one.times is None]
     contents = {one.head: _content(one) for one in open_ones}
@@ -82,7 +87,7 @@ def found_times(channels: Sequence[Channel]) -> Times:
     if not clocks:
         return Times()
     groups = _groups(channels, clocks)
-    main = max(groups, key=lambda head: int(np.isfinite(_values(groups[head][0])).sum()) if len(groups) > 1 else 0)
+    main = _fastest({head: _values(clock) * TIME_UNITS[unit_of_times(clock) or "s"] for head, (clock, _) in groups.items()})
     own = {
         one.head: clock
         for clock, group in groups.values()
@@ -120,22 +125,41 @@ def axis_of(foreign: Foreign, profile: Profile, columns: Sequence[Channel]) -> A
     if profile.time is not None:
         main = column(foreign, profile.time, f"{foreign.path}: time")
         date = column(foreign, profile.date, f"{foreign.path}: date") if profile.date else None
-        return Axis(main.head, stamps_of(foreign, main, profile.time_unit, date))
+        return replace(_axis(foreign, main, profile.time_unit, date), date=None)
     longest = max(columns, key=lambda one: len(one.values))
     if profile.period is not None:
         rows = len(longest.values)
         _check_period(foreign, profile, longest)
-        return Axis(None, Stamps(profile.period * np.arange(rows)))
-    if longest.times is not None:
-        return Axis(None, Stamps(longest.times))
+        return Axis(None, Stamps(profile.period * np.arange(rows)), _other_period(foreign, profile.period))
+    if timed := {one.head: one.times for one in columns if one.times is not None}:
+        return Axis(None, Stamps(timed[_fastest(timed)]))
     if (times := found_times(foreign.channels)).main is not None:
-        date = times.date.head if times.date else None
-        return Axis(times.main.head, stamps_of(foreign, times.main, None, times.date), date=date)
+        return _axis(foreign, times.main, None, times.date)
     if foreign.period is not None:
         period, place = foreign.period
         note = f"the time between rows, {period * 1e3:.7g} ms, is from {place}"
         return Axis(None, Stamps(period * np.arange(len(longest.values))), (note,))
     raise RigError(f"{foreign.path}: has no time column; add one, e.g. 't [s]', or give --period, in Python period=, e.g. '0.1 ms'")
+
+
+def _axis(foreign: Foreign, main: Channel, unit: str | None, date: Channel | None) -> Axis:
+    stamps = stamps_of(foreign, main, unit, date)
+    turns = f"'{main.head}' begins anew {stamps.turns} times, as a counter does at its end; its times go on there"
+    return Axis(main.head, stamps, (turns,) if stamps.turns else (), date.head if date else None)
+
+
+def _fastest(clocks: Mapping[str, Floats]) -> str:
+    """Return the key of the times [s] with the shortest steps; of several with alike steps that with the most values."""
+    known = {key: times[np.isfinite(times)] for key, times in clocks.items()}
+    periods = {key: float(np.median(np.diff(times))) if len(times) > 1 else np.inf for key, times in known.items()}
+    shortest = min((period for period in periods.values() if period > 0.0), default=np.inf)
+    return max((key for key in known if periods[key] <= AS_FAST * shortest), key=lambda key: len(known[key]))
+
+
+def unit_of_times(channel: Channel) -> str | None:
+    """Return the unit of a column of times that its head states, in brackets or behind a blank; None when it states none."""
+    match = NAME.fullmatch(channel.name)
+    return time_unit_of(channel.unit or ((match["unit"] or match["closed_up"] or "").lower() if match else ""))
 
 
 def stamps_of(foreign: Foreign, channel: Channel, unit: str | None = None, date: Channel | None = None) -> Stamps:
@@ -169,12 +193,13 @@ def stamps_of(foreign: Foreign, channel: Channel, unit: str | None = None, date:
         days = date.content if date is not None and isinstance(date.content, Cells) else None
         return stamps_of_cells(channel.content, days)
     stated = unit or channel.unit
-    known = time_unit_of(stated) if stated else None
+    known = time_unit_of(unit) if unit else unit_of_times(channel)
     if stated and known is None:
         raise RigError(
             f"{foreign.path}: column '{channel.head}' of the times is in {stated}; expected one of {', '.join(TIME_UNITS)}"
         )
-    return stamps_of_numbers(_exact(channel), known)
+    numbers, turns = unwrapped(_exact(channel))
+    return replace(stamps_of_numbers(numbers, known), turns=turns)
 
 
 def _content(channel: Channel) -> str:
@@ -244,13 +269,17 @@ def _groups(channels: Sequence[Channel], clocks: Sequence[Channel]) -> dict[str,
     return groups
 
 
+def _other_period(foreign: Foreign, period: float) -> tuple[str, ...]:
+    """Return a note when a line above the values states another period than the one that was given."""
+    if foreign.period is None or abs(foreign.period[0] / period - 1.0) <= CLOSE:
+        return ()
+    other, place = foreign.period
+    return (f"the time between rows was given as {period * 1e3:.7g} ms, but {place} says {other * 1e3:.7g} ms; which is right?",)
+
+
 def _check_period(foreign: Foreign, profile: Profile, longest: Channel) -> None:
-    """Refuse a period that the file contradicts: by its times, by a line above its values, or by a number of rows that jumps."""
+    """Refuse a period that the file contradicts: by its times, or by a number of rows that jumps."""
     path, period, rows = foreign.path, profile.period or 1.0, len(longest.values)
-    if foreign.period is not None and abs(foreign.period[0] / period - 1.0) > CLOSE:
-        raise RigError(
-            f"{path}: the period is given as {period * 1e3:.7g} ms, but {foreign.period[1]} says {foreign.period[0] * 1e3:.7g} ms"
-        )
     head, times = (longest.head, Stamps(longest.times)) if longest.times is not None else (None, None)
     if times is None and (found := found_times(foreign.channels)).main is not None:
         head, times = found.main.head, stamps_of(foreign, found.main, None, found.date)
@@ -264,6 +293,11 @@ def _check_period(foreign: Foreign, profile: Profile, longest: Channel) -> None:
         f"with a period of {period * 1e3:.7g} ms its {rows} rows take",
     )
     rest, steps = seconds - period * known, np.diff(seconds)
+    if len(steps) == rows - 1 and np.any(steps == 0.0) and _are_twice(foreign, np.flatnonzero(steps == 0.0)):
+        raise RigError(
+            f"{path}: {int((steps == 0.0).sum())} of its rows repeat time and values of the row before, and a period would take "
+            "them for new ones; leave the period out, and they are left out"
+        )
     if len(steps) and np.all(steps >= 0.0) and np.mean(steps == 0.0) > REPEATED:  # times of few digits
         digit = float(steps[steps > 0.0].min()) if np.any(steps > 0.0) else 0.0
         if not digit or rest.max() - rest.min() <= 1.01 * digit + period:
@@ -283,11 +317,18 @@ def _check_period(foreign: Foreign, profile: Profile, longest: Channel) -> None:
         )
 
 
+def _are_twice(foreign: Foreign, rows: np.ndarray) -> bool:
+    """Return True when each of the rows is like the one behind it in all columns of numbers."""
+    columns = [_values(one) for one in foreign.channels if one.kind == "numbers"]
+    return all(np.array_equal(one[rows], one[rows + 1], equal_nan=True) for one in columns if len(one) > rows[-1] + 1)
+
+
 def _check_counter(foreign: Foreign) -> None:
     for one in foreign.channels:
         values = _values(one) if not one.unit and one.kind == "numbers" else np.empty(0)
         if len(values) < 3:
             continue
+        values, _ = unwrapped(values)
         steps = np.diff(values)
         single = float(np.median(steps))
         if not single > 0.0 or not np.all(steps > 0.0):

@@ -25,7 +25,7 @@ from ....base import RigError
 from ... import limits
 from ..cells import Cells, Signs, signs_of
 from ..foreign import Channel, Foreign, Form
-from ..provenance import KEY, csvw_path, read_provenance
+from ..provenance import CSV_DIGEST, KEY, csvw_path, digest_of, read_provenance
 from ..units import split_head, unit_of
 from .format import Format
 from .text_form import Layout, behind_values, fields, found_form, last_row_is_cut, names_of, stated_period
@@ -195,10 +195,6 @@ class _Body:
             return {}
         if len(table) != len(self._lines):
             return {}
-        plain = Signs(signs.decimal, missing=())
-        for one in signs.missing:
-            if (number := plain.number(one)) is not None:
-                table[table == number] = np.nan
         return {i: np.ascontiguousarray(column) for i, column in zip(columns, table.T) if not np.isinf(column).any()}
 
 
@@ -210,7 +206,13 @@ def _csvw(path: Path) -> dict | None:
         found = json.loads(about.read_text(encoding="utf-8"))
     except (ValueError, RecursionError, OSError):
         return None
-    return read_provenance(json.dumps(found.get(KEY))) if isinstance(found, dict) else None
+    provenance = read_provenance(json.dumps(found.get(KEY))) if isinstance(found, dict) else None
+    if provenance is not None and found.get(CSV_DIGEST) != digest_of(path):
+        raise RigError(
+            f"{about}: describes a run whose CSV file had another content; delete it if {path.name} is another recording, or "
+            "export the run again"
+        )
+    return provenance
 
 
 def _decoded(path: Path, form: Form) -> str:

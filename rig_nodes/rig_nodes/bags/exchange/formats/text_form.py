@@ -26,7 +26,7 @@ HEAD_LINES = 200  # lines in which the first row of values is looked for
 LOOKED_AT = 20  # last lines by which delimiter and columns are found, and as many before them
 MOST_BEHIND = 100  # lines behind the values
 NUMBER, STAMP, EMPTY, WORD = "number", "stamp", "empty", "word"
-COMMENT = re.compile(r"\s*(?:#|%|//)+\s*")
+COMMENT = re.compile(r"\A\s*(?:#|%|//)+\s*")  # what makes a line a comment; the signs may be in heads too
 _NUMBER = re.compile(
     rf"[-+{MINUS}]?(?:\d{{1,3}}(?:[.,'\u2019 \u00a0\u202f\u2009]\d{{3}})+(?:[.,]\d*)?|\d+(?:[.,]\d*)?|[.,]\d+)(?:[eEdD][-+]?\d+)?",
     re.ASCII,
@@ -39,7 +39,10 @@ _SAMPLED = re.compile(
     re.IGNORECASE,
 )
 _QUANTITY = re.compile(
-    r"(?:[\[(]\s*(?P<before>[a-zµμ/]+)\s*[\])])?[\s;:,=|\"]*(?P<number>\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)[\s;,|\"\[(]*(?P<unit>[a-zµμ]+(?:/s)?)?",
+    r"(?:[\[(]\s*(?P<before>[a-zµμ/]+)\s*[\])])?[\s;:,=|\"]*"
+    r"(?P<number>\d{1,3}(?:(?P<group>[' \u2019\u00a0\u202f\u2009])\d{3})(?:(?P=group)\d{3})*(?:[.,]\d+)?"
+    r"|\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)"
+    r"(?P<over>\s*/\s*\d)?[\s;,|\"\[(]*(?P<unit>[a-zµμ]+(?:/s)?)?",
     re.IGNORECASE,
 )
 _RATES = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "s/s": 1.0, "ks/s": 1e3, "sps": 1.0, "ksps": 1e3}
@@ -133,9 +136,9 @@ def found_form(path: Path, lines: Sequence[str], form: Form) -> tuple[Form, Layo
 
 
 def _delimiter(some: Sequence[str], form: Form) -> str:
-    """Return the sign that leaves the most cells that are numbers or times."""
+    """Return the sign that leaves the most cells that are numbers or times; a blank in lines with tabs groups thousands."""
     best, most = ";", -1e9
-    for sign in DELIMITERS:
+    for sign in DELIMITERS if any("\t" not in line for line in some) else DELIMITERS[:-1]:
         rows = [fields(line, sign) for line in some]
         if max((len(row) for row in rows), default=1) < 2:
             continue
@@ -249,15 +252,13 @@ def stated_period(lines: Sequence[str]) -> tuple[float, int, str] | None:
         Period, number from 1 and text; None when no line states one without doubt.
     """
     for n, line in enumerate(lines, 1):
-        if (word := _SAMPLED.search(line)) is None:
+        if (word := _SAMPLED.search(line)) is None or "filter" in line.lower():
             continue
-        for match in _QUANTITY.finditer(line, word.end()):
-            unit, number = match["unit"] or match["before"] or "", match["number"]
-            if re.fullmatch(r"[1-9]\d{0,2}[.,]\d{3}", number):
-                continue  # 10,000 Hz or 10.000 Hz: thousands or thousandths
+        if match := _QUANTITY.search(line, word.end()):  # what stands behind the first number of the line is about something else
+            unit, number = match["unit"] or match["before"] or "", match["number"].replace(match["group"] or " ", "")
             value = float(number.replace(",", "."))
-            if not value > 0.0:
-                continue
+            if match["over"] or not value > 0.0 or re.fullmatch(r"[1-9]\d{0,2}[.,]\d{3}", number):
+                continue  # 1/2500 s; 10,000 Hz or 10.000 Hz: thousands or thousandths
             if (rate := _RATES.get(unit.lower())) is not None:
                 return 1.0 / (value * rate), n, line.strip()
             if (known := time_unit_of(unit)) is not None:
