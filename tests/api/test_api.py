@@ -111,6 +111,89 @@ def test_bad_input_gets_one_sentence(call, sentence):
     assert sentence in str(refusal.value) and "\n" not in str(refusal.value)
 
 
+class NoPath:
+    def __repr__(self):
+        return "an object"
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (lambda rig, run: rig.simulate(FIRST, delay=1.5), "delay is 1.5, expected a whole number from 0 to 50"),
+        (lambda rig, run: rig.session(delay="x"), "delay is 'x', expected a whole number from 0 to 50"),
+        (lambda rig, run: rig.simulate(FIRST, parameters=[1]), "parameters is [1], expected a dict of names and values"),
+        (
+            lambda rig, run: rig.simulate(FIRST, controller=""),
+            "controller is '', expected a text as after --controller, or a class",
+        ),
+        (lambda rig, run: rig.simulate(FIRST, controller=NoPath()), "controller is an object, expected a text"),
+        (lambda rig, run: rig.modes(5), "gear is 5, expected the name of a gear"),
+        (lambda rig, run: rig.modes(locked="clutch_s1"), "locked is 'clutch_s1', expected a list of texts"),
+        (lambda rig, run: rig.session().set("motor", False), "motor is False; expected a number in SI, or a text with its unit"),
+        (lambda rig, run: rig.session().set(5, 1.0), "name is 5, expected that of a setpoint or setting"),
+        (lambda rig, run: rig.session().fault(5), "name is 5, expected that of a fault"),
+        (lambda rig, run: run.plot(3), "there is no shift 3; the run has 2 shifts, the first is 1"),
+        (lambda rig, run: run.plot(True), "there is no shift True; the run has 2 shifts, the first is 1"),
+        (lambda rig, run: run.to_pandas(["p1"], period=0), "period is 0, expected a time of at least 1 us"),
+        (lambda rig, run: run.to_pandas(["p1"], period=math.inf), "period is inf, expected a time of at least 1 us"),
+        (lambda rig, run: run.to_pandas(5), "signals is 5, expected a list of texts"),
+        (lambda rig, run: run.to_pandas([5]), "signals is [5], expected a list of texts"),
+        (lambda rig, run: run.save(None), "folder is None, expected a path"),
+        (lambda rig, run: run.export(5), "file is 5, expected a path"),
+        (lambda rig, run: rig_nodes.open("a.csv", rig="hydmag"), "a.csv: there is no such file"),
+        (lambda rig, run: rig_nodes.open(__file__, rig=5), "rig is 5, expected a Rig, its name or its file"),
+        (lambda rig, run: rig_nodes.open(__file__, profile=5), "profile is 5, expected a path"),
+        (lambda rig, run: rig_nodes.sweep(rig, "demo", 5), "vary is 5, expected a dict of names and values"),
+        (
+            lambda rig, run: rig_nodes.sweep(rig, "demo", {"alfa46.t12": 5}),
+            "vary alfa46.t12 is 5, expected a list of values or a text",
+        ),
+        (
+            lambda rig, run: rig_nodes.sweep(rig, "demo", {"alfa46.t12": "1 ms, 2 ms"}, seed=1.5),
+            "seed is 1.5, expected a whole number",
+        ),
+        (
+            lambda rig, run: rig_nodes.sweep(rig, "demo", {"alfa46.t12": "1 ms, 2 ms"}, samples="3"),
+            "samples is '3', expected a whole",
+        ),
+        (lambda rig, run: rig_nodes.sweep(rig, "demo", {"alfa46.t12": [1.0]}, folder=5), "folder is 5, expected a path"),
+        (lambda rig, run: rig_nodes.load("hydmag", alfa46={"output_1": {"P1": (5, "160 mA")}}), "numbers in SI, time and current"),
+        (
+            lambda rig, run: rig.simulate(
+                [*FIRST[:1], {"wait": {"until": {"signal": "p_p", "near": "1 MPa", "within": "-1 MPa"}}}]
+            ),
+            "within is -1 MPa, expected more than 0",
+        ),
+        (
+            lambda rig, run: rig_nodes.load("hydmag", kernel={"step": "7 us"}),
+            "step of 7 us does not divide the controller's sample",
+        ),
+    ],
+)
+def test_a_value_of_another_kind_is_refused_where_it_is_given(rig, run, call, sentence):
+    with pytest.raises(rig_nodes.RigError) as refusal:
+        call(rig, run)
+    assert sentence in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(("name", "write"), [("a.csv", "export"), ("a.h", "export"), ("a.svg", "draw"), ("a.fmu", "export_fmu")])
+def test_no_file_of_somebody_else_is_replaced(rig, name, write, tmp_path):
+    (tmp_path / name).write_text("t [s],p1 [bar]\n")
+    with pytest.raises(rig_nodes.RigError, match="it exists and is no older file of this kind; remove it, or choose another name"):
+        getattr(rig, write)(tmp_path / name)
+    assert (tmp_path / name).read_text() == "t [s],p1 [bar]\n"
+    if write != "export_fmu":
+        (tmp_path / name).unlink()
+        getattr(rig, write)(tmp_path / name)
+        getattr(rig, write)(tmp_path / name)  # an older one of its own
+
+
+def test_whole_numbers_of_numpy_and_points_as_texts_are_taken(rig, run):
+    assert len(run.plot(np.int64(1)).axes) > 3 and run.signals.get("zz") is None and run.signals.get("p1").unit == "Pa"
+    one = rig_nodes.load("hydmag", alfa46={"output_1": {"P1": ("200 ms", "160 mA")}})
+    assert one.config.as_dict() == rig_nodes.load("hydmag", alfa46={"output_1": {"P1": (0.2, 0.16)}}).config.as_dict()
+
+
 def test_signals_and_copies_outlive_their_run(rig):
     signals = rig.simulate(FIRST[:2]).signals
     assert rig.simulate(FIRST[:2]).signals["p_p"].max() == signals["p_p"].max() > 3.8e6
@@ -151,7 +234,7 @@ def test_a_run_is_exported_as_the_command_line_does(run, tmp_path):
         ("one.csv", {}, "is there already; choose a new name"),
         ("one.xls", {}, "its ending says no kind of file; expected .csv, .parquet"),
         ("one.mf4", {"period": 0.1}, "a period is for csv and parquet"),
-        ("one.parquet", {"period": 0.0}, "period is 0 s, expected at least 1 us"),
+        ("one.parquet", {"period": 0.0}, "period is 0.0, expected a time of at least 1 us"),
         ("one.blf", {"units": "shown"}, "blf holds the frames of the rig's CAN database"),
         ("two.csv", {"signals": ["p9"]}, "there is no signal 'p9'"),
     ):
@@ -256,7 +339,7 @@ def test_a_data_frame_has_the_rows_of_the_logger_and_the_last_value_of_slower_si
     held = frame["p_p"].loc[slow.time[500] : slow.time[501] - 1e-6]
     assert held.unique().tolist() == [slow[500]] and len(held) > 50
     assert run.to_pandas(["n_wej"], period="10 ms", units="shown")["n_wej"].max() == pytest.approx(1500, abs=25)
-    for names, sentence in ((["p1", "p3"], "there is no signal 'p3' in the run; did you mean"), ("p1", "expected a list of names")):
+    for names, sentence in ((["p1", "p3"], "there is no signal 'p3' in the run; did you mean"), ("p1", "expected a list of texts")):
         with pytest.raises(rig_nodes.RigError, match=sentence):
             run.to_pandas(names)
     arrow = run.to_arrow(["p1"], period=0.01)
@@ -325,7 +408,7 @@ def test_the_figure_of_a_run_has_the_plots_of_the_page_and_shades_the_phases(run
         "shaft torque [Nm]",
         "speed [rpm]",
     ]
-    with pytest.raises(rig_nodes.RigError, match="there is no shift 3; the run has 2 shifts"):
+    with pytest.raises(rig_nodes.RigError, match="there is no shift 3; the run has 2 shifts, the first is 1"):
         run.plot(shift=3)
 
 

@@ -10,8 +10,9 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from ..analysis import aligned, clock_lines, compare, metric_tables, reasons, signal_tables
-from ..base import RigError, brief, optional, printable
+from ..base import optional, printable
 from ..rig import catalogue
+from .given import chosen
 from .table import Table
 
 if TYPE_CHECKING:
@@ -76,9 +77,7 @@ class Compared:
         from ..view import Pages, draw_figure, figures_of_compare
 
         drawn = figures_of_compare(self.found, Pages(self.record))
-        if not (isinstance(shift, int) and 1 <= shift <= len(drawn)):
-            raise RigError(f"there is no shift {brief(shift)}; the first recording has {len(self.found.shifts)} shifts")
-        return draw_figure(drawn[shift - 1], dark)
+        return draw_figure(drawn[chosen("shift", shift, len(drawn), "the first recording")], dark)
 
     def __repr__(self) -> str:
         lines = clock_lines(self.found)

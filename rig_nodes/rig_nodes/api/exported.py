@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..bags import FILE_KINDS, Order, Signals, export
-from ..base import RigError, atomic_write, quantity
+from ..base import RigError, atomic_write
 from ..controllers import csv_text, dbc_text, header_text, markdown_text, record_of
 from ..rig import check_gearbox
 from ..runs import WRITERS, export_can_log
+from .given import product, seconds_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -87,7 +88,7 @@ def exported(
         raise RigError(f"{target}: its ending says no kind of file; expected {', '.join(one[0] for one in FILE_KINDS.values())}")
     if target.exists():
         raise RigError(f"{target}: is there already; choose a new name")
-    seconds = quantity(period, "time", "period") if isinstance(period, str) else period
+    seconds = seconds_of("period", period)
     if kind in WRITERS:
         if signals or seconds is not None or units != "si":
             raise RigError(
@@ -98,8 +99,6 @@ def exported(
         raise RigError(
             f"{target}: a period is for csv and parquet, which hold one table; {kind} holds each signal with its own times"
         )
-    if seconds is not None and not seconds >= 1e-6:
-        raise RigError(f"period is {seconds:g} s, expected at least 1 us")
     found = Signals(run, list(signals), units)
     progress = watch(found.last / 1e9) if watch else None
     export(kind, Order(found, target, None if seconds is None else round(seconds * 1e9), progress))
@@ -112,4 +111,4 @@ def export_rig(config: RigConfig, file: Path) -> None:
         raise RigError(f"{file}: its ending says no kind of file of a rig; expected {', '.join(OF_RIGS)}")
     what, text = kind
     check_gearbox(config, f"export {what}")
-    atomic_write(file, text(record_of(config)))
+    atomic_write(product("file", file, what), text(record_of(config)))

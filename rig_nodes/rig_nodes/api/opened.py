@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 from ..analysis import build_report, gather, info_of, write_report
 from ..bags import OpenedBags, Profile, is_loggers_file, not_sqlite, read_measurement, read_profile, sequence_name, write_bag
-from ..base import RigError, brief, quantity, quoted
-from .rig import Rig, load
+from ..base import RigError, brief, no_file, quantity, quoted
+from .given import path_of
+from .rig import Rig, load, rig_from
 from .run import Run
 from .temporary import Temporary
 
@@ -68,7 +69,10 @@ def open(
         raise RigError(f"path is {brief(path)}, expected that of a run's folder, a bag or a logger's file")
     if is_loggers_file(str(path)):
         return _imported(Path(path), rig, profile, orders, period)
-    if given := [name for name, one in (("rig", rig), ("profile", profile), ("orders", orders), ("period", period)) if one]:
+    given = [name for name, one in (("rig", rig), ("profile", profile), ("orders", orders), ("period", period)) if one is not None]
+    if given and not Path(path).exists():
+        raise RigError(f"{path}: {no_file(path)}")
+    if given:
         raise RigError(f"{path}: {given[0]} is for loggers' files; a run has its own")
     with OpenedBags([path]) as bags:
         bags.check_began()
@@ -79,13 +83,15 @@ def open(
 
 def _imported(path: Path, rig: Rig | str | None, profile: str | Path | None, orders: str | None, period: str | None) -> Run:
     """Return the run of a logger's file."""
-    read = read_profile(profile) if profile else None
+    read = None if profile is None else read_profile(path_of("profile", profile))
     if period is not None:
         read = replace(read or Profile(), period=quantity(period, "time", "period"), time=None)
     if rig is None and read is not None and read.rig:
         rig = load(read.rig, **read.settings)
-    elif isinstance(rig, str):
+    elif isinstance(rig, str | Path):
         rig = load(rig, **(read.settings if read else {}))
+    elif rig is not None:
+        rig = rig_from(rig)
     found = read_measurement(path, read, rig.config.as_dict() if rig else None, "rig=" if rig else "", orders)
     if found is None:
         raise RigError(f"{path}: its heads are no signals of the rig; give a profile, which ./rig import {quoted(path)} proposes")

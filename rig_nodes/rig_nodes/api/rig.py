@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from numbers import Integral
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis import modes, write_report
-from ..base import STARTING, RigError, atomic_write, brief, not_written, shown_in, waiting
+from ..base import MOST_DELAY, STARTING, RigError, atomic_write, brief, not_written, shown_in, waiting
 from ..controllers import IN_PROCESS, load_controller
 from ..rig import POINT, RigConfig, check_gearbox, driveline_svg, load_rig, with_overrides
 from ..runs import Ordered, Session, build_controller_fmu, build_rig_fmu, check_controller, check_level, load_sequence, sequence_of
 from .checked import checked
 from .exported import export_rig
-from .given import path_of
+from .given import path_of, product, texts, texts_of, whole
 from .run import Run
 from .simulated import simulated
 from .table import Table
@@ -161,13 +161,13 @@ class Rig:
         Traceback (most recent call last):
         rig_nodes.base.errors.RigError: step:1: motor.speed is 80000 rpm; the rig takes 0 to 3000 rpm
         """
-        given = {name: str(value) for name, value in (parameters or {}).items()}
+        given = texts_of("parameters", parameters)
         if isinstance(sequence, str | Path):
             read = load_sequence(sequence, given, self.source, None, self.config)
         else:
             read = sequence_of(sequence, given, self.config, self.source)
         read.check_rig(self.config)
-        seed = _seed(seed)
+        seed, delay = _seed(seed), whole("delay", delay, 0, MOST_DELAY)
         plug, spec = self._plug(controller, level, delay)
         with Temporary() as kept:
             report = simulated(kept.folder, Ordered(self.config, self.source, read, seed, delay, spec), controller=plug)
@@ -216,7 +216,7 @@ class Rig:
         >>> ends
         [50.0, 100.0]
         """
-        seed = _seed(seed)
+        seed, delay = _seed(seed), whole("delay", delay, 0, MOST_DELAY)
         if controller == EXTERNAL:
             chosen = (EXTERNAL, level, delay)
         else:
@@ -252,7 +252,9 @@ class Rig:
         >>> modes.units["frequency_hz"], bool(modes["frequency_hz"][-1] > 10.0)
         ('Hz', True)
         """
-        state = modes.chosen_state(self.config, gear, locked)
+        if gear is not None and not isinstance(gear, str):
+            raise RigError(f"gear is {brief(gear)}, expected the name of a gear")
+        state = modes.chosen_state(self.config, gear, None if locked is None else texts("locked", locked))
         found = modes.found_in(modes.system_of(self.config), state).modes
         units = {"frequency_hz": "Hz", "damping": "", **dict.fromkeys(found.bodies, "")}
         shapes = modes.sizes(found)
@@ -278,7 +280,7 @@ class Rig:
         --------
         >>> rig_nodes.load("three_speed").export_fmu("three_speed.fmu", fmi=3)
         """
-        build_rig_fmu(path_of("file", file), self.source, self.settings, _fmi(fmi))
+        build_rig_fmu(product("file", file, "fmu"), self.source, self.settings, _fmi(fmi))
 
     def export_controller_fmu(
         self, sources: Sequence[str | Path], file: str | Path, *, fmi: int = 2, include: Sequence[str | Path] = ()
@@ -318,7 +320,7 @@ class Rig:
             if not folder.is_dir():
                 raise RigError(f"include {folder}: there is no such folder")
         flags, files = [f"-I{folder}" for folder in folders], [path_of("sources", one) for one in sources]
-        build_controller_fmu(files, path_of("file", file), self.config, _fmi(fmi), flags)
+        build_controller_fmu(files, product("file", file, "controller-fmu"), self.config, _fmi(fmi), flags)
 
     def export(self, file: str | Path) -> None:
         """Write what a controller outside needs to know of the rig, as `rig export`, of the kind that the file's ending says.
@@ -326,8 +328,8 @@ class Rig:
         Parameters
         ----------
         file : str or Path
-            The file, which replaces an older one: .dbc, the CAN database; .csv or .md, the Modbus registers; .h, the record of
-            the rig for C and C++.
+            The file, which replaces an older one of its kind: .dbc, the CAN database; .csv or .md, the Modbus registers; .h, the
+            record of the rig for C and C++.
 
         Raises
         ------
@@ -387,9 +389,9 @@ class Rig:
         >>> rig.draw("driveline.svg"), rig.draw("driveline.svg")
         (True, False)
         """
-        path, drawn = path_of("file", file), driveline_svg(self.config).encode()
-        if path.suffix.lower() != ".svg":
-            raise RigError(f"{path}: the picture of a driveline is a file that ends in .svg")
+        if path_of("file", file).suffix.lower() != ".svg":
+            raise RigError(f"{file}: the picture of a driveline is a file that ends in .svg")
+        path, drawn = product("file", file, "svg"), driveline_svg(self.config).encode()
         try:
             if path.is_file() and path.read_bytes() == drawn:  # of an installed rig, whose folder may be another user's
                 return False
@@ -464,11 +466,19 @@ class Rig:
         if setting is None:
             return str(value)  # which with_overrides refuses
         if setting.dimension == POINT and isinstance(value, Sequence) and len(value) == 2:
-            return f"{float(value[0])!r} s {float(value[1])!r} A"
+            if all(isinstance(one, str) for one in value):
+                return " ".join(value)
+            if all(isinstance(one, Real) for one in value):
+                return f"{float(value[0])!r} s {float(value[1])!r} A"
         try:
             number = float(value)
         except (TypeError, ValueError):
-            raise RigError(f"setting {name} is {brief(value)}; expected a text with a unit or a number in SI") from None
+            way = (
+                "texts with units or numbers in SI, time and current"
+                if setting.dimension == POINT
+                else "a text with a unit or a number in SI"
+            )
+            raise RigError(f"setting {name} is {brief(value)}; expected {way}") from None
         unit, factor = shown_in(setting.dimension) if setting.is_number else ("-", 1.0)
         return f"{number / factor!r} {unit}"
 
@@ -476,6 +486,8 @@ class Rig:
 def spec_of(controller: str | type | None) -> str | None:
     """Return a controller as after ``--controller``; a class runs in its caller's process."""
     own = isinstance(controller, type)
+    if not own and controller is not None and (not isinstance(controller, str) or not controller):
+        raise RigError(f"controller is {brief(controller)}, expected a text as after --controller, or a class of your own")
     return f"python:{controller.__module__}:{controller.__qualname__}{IN_PROCESS}" if own else controller
 
 

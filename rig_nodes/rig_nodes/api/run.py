@@ -32,9 +32,10 @@ from ..analysis import (
 )
 from ..bags import NO_REPORT, Rows, arrow_schema, arrow_table, on_one_clock, on_own_clocks, with_end
 from ..bags import Signals as Groups
-from ..base import RigError, not_written, optional, quantity
+from ..base import RigError, brief, not_written, optional
 from .compared import Compared
 from .exported import Exported, exported
+from .given import chosen, path_of, seconds_of, texts
 from .signals import Signals
 from .table import GEARS, Table, column_unit
 from .temporary import Temporary
@@ -167,7 +168,7 @@ class Run:
         >>> rig_nodes.open("runs/first").shifts["k"] == run.shifts["k"]
         array([ True,  True])
         """
-        target = Path(folder)
+        target = path_of("folder", folder)
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise RigError(f"{target}: is there already and is not an empty folder; choose a new name")
         try:
@@ -284,13 +285,13 @@ class Run:
         (2, 't [s],M_wej [Nm],M_wyj [Nm]')
         """
         self._check(signals, units)
-        return exported(self.folder, Path(file), list(signals or ()), period, units)
+        return exported(self.folder, path_of("file", file), list(signals or ()), period, units)
 
     def _check(self, names: Sequence[str] | None, units: str) -> None:
         """RigError for names that are no list or no signals, and for other units."""
-        if isinstance(names, str) or units not in ("si", "shown"):
-            raise RigError(f"signals is {names!r} and units {units!r}; expected a list of names, and 'si' or 'shown'")
-        for name in names or ():
+        if units not in ("si", "shown"):
+            raise RigError(f"units is {brief(units)}, expected 'si' or 'shown'")
+        for name in texts("signals", names):
             if not any(sign in name for sign in "*?["):
                 self.signals.check(name)
 
@@ -298,11 +299,9 @@ class Run:
         """Return the chosen signals and their rows on one clock, or at their own times in a run without a logger."""
         self._check(names, units)
         chosen = Groups(self.folder, list(names or ()), units)
-        seconds = quantity(period, "time", "period") if isinstance(period, str) else period or self.signals.period
+        seconds = seconds_of("period", period) or self.signals.period
         if seconds is None:
             return chosen, on_own_clocks(chosen.groups, chosen.parts())
-        if not seconds >= 1e-6:
-            raise RigError(f"period is {seconds:g} s, expected at least 1 us")
         return chosen, on_one_clock(chosen.groups, chosen.parts(), round(seconds * 1e9))
 
     def plot(self, shift: int | None = None, dark: bool = False) -> Figure:
@@ -336,9 +335,8 @@ class Run:
         count, pages, span = len(self.report["shifts"]), Pages(self.record), self.signals.span
         if shift is None:
             return draw_figure(figures_of_run(self.report, pages, self.folder, span)[0], dark)
-        if not (isinstance(shift, int) and 1 <= shift <= count):
-            raise RigError(f"there is no shift {shift}; the run has {count} shifts, the first is 1")
-        return draw_figure(figure_of_shift(self.report, shift, pages, self.signals, span), dark)
+        number = chosen("shift", shift, count, "the run") + 1
+        return draw_figure(figure_of_shift(self.report, number, pages, self.signals, span), dark)
 
     def compare(self, *others: Run | str | Path, by: str | None = None) -> Compared:
         """Compare with other runs, as `rig compare`.

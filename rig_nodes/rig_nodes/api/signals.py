@@ -152,6 +152,12 @@ class Signals(Mapping[str, Signal]):
     def __contains__(self, name: object) -> bool:
         return name in self._places
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a signal, or the default when the run has none of this name, as a dict does."""
+        if name not in self:
+            return default
+        return self[name]
+
     def __getitem__(self, name: str) -> Signal:
         self.check(name)
         group, column = self._places[name]

@@ -8,14 +8,14 @@ from __future__ import annotations
 import contextlib
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis import SHORT, loop_columns, named_metrics
-from ..base import SI, STARTING, UNITS, RigError, waiting
+from ..base import MOST_DELAY, SI, STARTING, UNITS, RigError, brief, waiting
 from ..runs import Workers, sequence_of, start_server
 from ..studies import (
     Plan,
@@ -31,7 +31,7 @@ from ..studies import (
     rows_of,
     run_sweep,
 )
-from .given import whole
+from .given import path_of, texts_of, whole
 from .rig import Rig, rig_from, spec_of
 from .table import GEARS, Table, column_unit
 
@@ -123,8 +123,10 @@ def sweep(
         raise RigError(f"folder is {folder}: a sweep that is kept takes a sequence's name or file; write the steps to one")
     if bags and folder is None:
         raise RigError("bags are kept in the sweep's folder; give folder too")
-    given = {name: spec if isinstance(spec, str) else [rig.text_of(name, one) for one in spec] for name, spec in vary.items()}
-    fixed_with = {name: str(value) for name, value in (parameters or {}).items()}
+    given = _varied(rig, vary)
+    fixed_with = texts_of("parameters", parameters)
+    samples = None if samples is None else whole("samples", samples, 1)
+    seed, repeats, delay = whole("seed", seed), whole("repeats", repeats, 1), whole("delay", delay, 0, MOST_DELAY)
     plugged = plugged_of(spec_of(controller), level, delay)
     with contextlib.ExitStack() as stack:
         own = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-sweep-")))
@@ -134,11 +136,21 @@ def sweep(
         plan = make_plan(draft, given, {name: f"vary {name}" for name in given})
         starting = stack.enter_context(contextlib.ExitStack())
         starting.enter_context(waiting(STARTING))
-        place, kept = Path(folder or own / "sweep"), folder is not None
+        place, kept = own / "sweep" if folder is None else path_of("folder", folder), folder is not None
         found = run_plan(plan, place, bags, jobs, dask, lambda _of, _begun: lambda _done, _entry: starting.close(), kept)
     if found.interrupted is not None:
         raise found.interrupted
     return _table(plan, rig, found.entries)
+
+
+def _varied(rig: Rig, vary: object) -> dict[str, str | list[str]]:
+    """Return what is varied, as texts after ``--vary``; RigError when it is no dict of texts or lists."""
+    if not isinstance(vary, Mapping) or not all(isinstance(name, str) for name in vary):
+        raise RigError(f"vary is {brief(vary)}, expected a dict of names and values")
+    for name, spec in vary.items():
+        if not isinstance(spec, str | Iterable):
+            raise RigError(f'vary {name} is {brief(spec)}, expected a list of values or a text such as "LOW .. HIGH"')
+    return {name: spec if isinstance(spec, str) else [rig.text_of(name, one) for one in spec] for name, spec in vary.items()}
 
 
 @dataclass(frozen=True)

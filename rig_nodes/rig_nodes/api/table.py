@@ -16,6 +16,7 @@ import numpy as np
 
 from ..analysis import every_metric, unit_of
 from ..base import RigError, brief, optional, unknown
+from .given import chosen
 
 if TYPE_CHECKING:
     import pandas
@@ -149,8 +150,7 @@ class Table:
         from ..view import draw_figure
 
         drawn = self._figures()
-        if not (isinstance(number, int) and 1 <= number <= len(drawn)):
-            raise RigError(f"there is no figure {brief(number)}; the sweep has {len(drawn)} changes of gears, each with one")
+        number = chosen("figure", number, len(drawn), "the sweep") + 1
         return draw_figure(drawn[number - 1], dark)
 
     def _cells(self) -> list[list[str]]:

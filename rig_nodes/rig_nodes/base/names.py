@@ -243,7 +243,8 @@ def find_of_rigs(kind: str, name: str | Path, *rigs: str | Path | None) -> Path:
     if os.path.isdir(text):
         raise RigError(f"{text}: {no_file(text)}")
     known = sorted({path.stem for folder in (*own, *others) for path in (folder / kind).glob("*.yaml")})
-    raise RigError(f"{unknown(kind[:-1], text, known)} (or name a .yaml file)")
+    single = "; those of the rig's parts, e.g. motor.weak, are in ./rig list faults" if kind == "faults" else ""
+    raise RigError(f"{unknown(kind[:-1], text, known)} (or name a .yaml file){single}")
 
 
 def has_controller(rig: str | Path) -> bool:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module  # import is a word of Python
 from typing import TYPE_CHECKING
@@ -70,13 +71,15 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
     """
     from ..analysis import Source, gather, shifts_report
     from ..bags import faults_of, is_loggers_file, read_measurement, rig_record, with_end
-    from ..base import DEFAULT_RIG, RigError, quoted
+    from ..base import DEFAULT_RIG, RigError, no_file, quoted
     from ..rig import load_gearbox_rig, load_rig, transmission_of
 
     import_verb = import_module("rig_nodes.cli.import")
     profile = import_verb.profile_of(args)
     files = [run for run in args.runs if is_loggers_file(run)]
     if (given := [name for name in ("profile", "rig", "orders", "period") if getattr(args, name) is not None]) and not files:
+        if missing := next((run for run in args.runs if not os.path.exists(run)), None):
+            raise RigError(f"{missing}: {no_file(missing)}")
         raise RigError(f"--{given[0]} is for loggers' files; runs have their own")
     bags = {run: gather(run, most_rows=MOST_ROWS // len(args.runs)) for run in args.runs if run not in files}
     for run, bag in bags.items():

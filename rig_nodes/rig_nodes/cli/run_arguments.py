@@ -10,14 +10,13 @@ import math
 import sys
 from typing import NamedTuple
 
-from ..base import RigError
+from ..base import MOST_DELAY, RigError
 from .shared_arguments import add_list, add_set
 
 LOST = 3  # exit code of a run that was completed but lost messages or time
 LEAST_COME = 2.0  # s, least time that a program needs until it is discovered
 MOST_COME = 60.0  # s, longest wait for a program
 NO_TRIPS = "trips.watched=off"  # the setting of --no-trips; help need not load the rig room for it
-MOST_DELAY = 50  # samples, half of the time after which a silent controller causes the safe state
 
 
 def seed(text: str) -> int:

@@ -83,11 +83,16 @@ def cross_check(config: RigConfig, where: Where) -> None:
 
 
 def _check_logger(rate: float, step: float, where: Where) -> None:
-    """Refuse a logger that has no whole number of rows in a sample of the controller, or of steps from row to row.
+    """Refuse a step that does not divide a sample, and a logger without whole numbers of rows in a sample and of steps in a row.
 
     With the usual rate any step is taken, because a run can be recorded in memory with rows at the steps.
     """
     steps = round(SAMPLE / step)
+    if abs(SAMPLE / step - steps) > 1e-9:
+        raise RigError(
+            f"{where(('kernel.step',))}the plant's step of {step * 1e6:g} us does not divide the controller's sample of 1000 us; "
+            "choose e.g. 100 us or 50 us"
+        )
     fitting = [number for number in range(1, steps + 1) if steps % number == 0]
     if rate != LOGGER_RATE and rate * SAMPLE not in fitting:
         raise RigError(

@@ -460,6 +460,8 @@ def _condition(node: Any, path: str | Path, where: str, config: RigConfig) -> tu
         check_keys(path, node, ("signal", "near", "within"), ("signal", "near", "within"), "wait.until")
         middle = quantity(node["near"], dimension, f"{where}.near")
         width = quantity(node["within"], dimension, f"{where}.within")
+        if not width > 0.0:
+            raise RigError(f"{where}.within is {node['within']}, expected more than 0")
         low, high, text = middle - width, middle + width, f"{text} within {node['within']} of {node['near']}"
     if not low < high or (low == float("-inf") and high == float("inf")):
         raise RigError(f"{where}: needs 'above', 'below' or both with above < below, or 'near' with 'within'")

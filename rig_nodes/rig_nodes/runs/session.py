@@ -9,8 +9,11 @@ It is what ``rig.session()`` returns; the learning environments stand on it. The
 from __future__ import annotations
 
 import html
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..base import SAMPLE, TICK_SAMPLES, RigError, brief, dimension_of_text, quantity, shown_in, unknown
 from ..controllers import LEVELS, Plug
@@ -244,6 +247,8 @@ class Session:
             When the name is unknown or the rig refuses the value.
         """
         settings = self.rig.settings
+        if not isinstance(name, str):
+            raise RigError(f"name is {brief(name)}, expected that of a setpoint or setting")
         if name in settings.steps:
             self._set_device(name, value)
         elif name == ORDER:
@@ -274,6 +279,8 @@ class Session:
         RigError
             When the rig refuses it, or faults are disabled.
         """
+        if not isinstance(name, str):
+            raise RigError(f"name is {brief(name)}, expected that of a fault")
         keys = {"lasts": "for"}
         given = [f"{keys.get(key, key)}={str(value).lower() if isinstance(value, bool) else value}" for key, value in how.items()]
         self.rig.order_fault(", ".join([name, *given]))
@@ -447,7 +454,7 @@ class Session:
 
 def _number(value: object, what: str) -> float:
     """Return a number of any numeric type; RigError for anything else."""
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        raise RigError(f"{what} is {brief(value)}; expected a number in SI, or a text with its unit") from None
+    with suppress(TypeError, ValueError):
+        if not isinstance(value, bool | np.bool_):
+            return float(value)
+    raise RigError(f"{what} is {brief(value)}; expected a number in SI, or a text with its unit")

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...base import COMMAND_TIMEOUT, SAMPLE, RigError
+from ...base import MOST_DELAY, RigError
 from ...controllers import PLUGS, Plug, level_line, load_controller, split_level
 from ...runs import check_controller, check_level
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 # kinds that the rig itself starts; the others are one program, which cannot drive several members at a time
 STARTED = ("python", "c", "simulink", "fmu")
-MOST_DELAY = round(0.5 * COMMAND_TIMEOUT / SAMPLE)  # samples: the limit of --delay in simulate
 
 
 @dataclass(frozen=True)
