@@ -85,7 +85,7 @@ def test_an_oil_temperature_is_found_by_its_name(head, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "head", ["Gangwechselzeit [ms]", "Gang Ist", "Soll-Druck 1 [bar]", "Tank pressure 1 [bar]", "Input speed setpoint [rpm]"]
+    "head", ["Gangwechselzeit [ms]", "Gang aktuell", "Soll-Druck 1 [bar]", "Tank pressure 1 [bar]", "Input speed setpoint [rpm]"]
 )
 def test_what_a_proposal_cannot_know_is_a_comment_in_it(head, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -4,9 +4,11 @@
 """The site: it builds without a warning, and its search answers a user's questions."""
 
 import re
+import shlex
 import subprocess
 import sys
 
+import matplotlib as mpl
 import pytest
 
 from rig_nodes.base.optional import Lacking
@@ -50,6 +52,22 @@ QUESTIONS = {
 }
 
 
+COMMAND = re.compile(r"^    \./rig (.+)$", re.M)
+# a number and its unit, or k and its number; settings of the commands are no results
+RESULT = re.compile(r"(?<![\w.-])(\d+(?:\.\d+)?) (?:Nm|ms|J)\b|\bk (?:falls to )?(\d\.\d+)")
+
+
+def stated(text):
+    """Returns the numbers that a text states as results, as it writes them."""
+    return {found[1] or found[2] for found in RESULT.finditer(COMMAND.sub("", text))}
+
+
+def lost(numbers, out):
+    """Returns those of the numbers to which no printed number rounds."""
+    shown = {abs(float(number)) for number in re.findall(r"-?\d+(?:\.\d+)?", out)}
+    return {number for number in numbers if not any(f"{value:.{len(number.partition('.')[2])}f}" == number for value in shown)}
+
+
 @pytest.mark.parametrize("question", QUESTIONS)
 def test_the_page_that_answers_a_question_is_among_the_first_three_hits(question):
     pages = [hit.page for hit in docs.search(question.split()) if not hit.page.startswith("made/")]
@@ -91,9 +109,25 @@ def test_it_builds_without_a_warning():
     drawn = re.findall(r"--picture (\S+\.png)", (docs.DOCS / "learn" / "lessons.md").read_text(encoding="utf-8"))
     assert [name for name in drawn if f'src="../_images/{name}"' not in lessons] == [] and len(drawn) >= 10
     assert all((html / "_images" / name).stat().st_size > 20_000 for name in drawn)
+    printed = ""  # a lesson compares itself with those before
+    for number, lesson in enumerate(
+        re.split(r"^## ", (docs.DOCS / "learn/lessons.md").read_text(encoding="utf-8"), flags=re.M)[1:], 1
+    ):
+        printed += (docs.DOCS / "made" / "lessons" / f"{number}.txt").read_text(encoding="utf-8")
+        assert lesson.startswith(f"{number}. ") and lost(stated(lesson), printed) == set(), f"lesson {number}"
     fetched = [
         address
         for page in html.rglob("*.html")
         for address in re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="(https?://[^"]+)"', page.read_text(encoding="utf-8"))
     ]
     assert fetched == []  # it is read without a network
+
+
+def test_the_explained_shift_has_the_numbers_of_its_picture(capsys, monkeypatch, tmp_path):
+    page = (docs.DOCS / "learn" / "powershift.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    mpl.use("Agg")
+    assert [main(shlex.split(command)) for command in COMMAND.findall(page)] == [0, 0]
+    assert len((tmp_path / "shift.png").read_bytes()) > 20_000
+    explained = "**Downshift.**" + page.split("**Downshift.**")[1]
+    assert lost(stated(explained), capsys.readouterr().out) == set() and len(stated(explained)) >= 8

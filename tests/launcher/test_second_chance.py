@@ -109,6 +109,7 @@ def test_a_checkout_is_tested_in_parts_and_its_failures_are_told(tmp_path):
     ):
         (tmp_path / "tests" / folder).mkdir(parents=True)
         (tmp_path / "tests" / folder / "test_one.py").write_text(text)
+    (tmp_path / "tests" / "machine.py").write_text(WATCH)
     notes = tmp_path / ".pytest_cache/parts/plant/v/cache/lastfailed"
     notes.parent.mkdir(parents=True)
     notes.write_text(json.dumps({"tests/plant/test_one.py::test_renamed": True}))
