@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.analysis import phases_of
+from rig_nodes.base import KINDS
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
-from rig_nodes.cli.output_files import KINDS
 from rig_nodes.view import pdf
 from rig_nodes.view.page import page, words
 from rig_nodes.view.palette import DARK, LIGHT, ON_GRADE

@@ -14,9 +14,9 @@ import pytest
 from rig_nodes.base.arguments import Parser
 from rig_nodes.base.config import TEMPLATE_DIR
 from rig_nodes.base.errors import RigError
-from rig_nodes.cli import output_files
+from rig_nodes.base.products import KINDS, MARK, NEVER
 from rig_nodes.cli.main import VERBS, main, run_verb
-from rig_nodes.cli.output_files import KINDS, NEVER, OutputFile, OutputFolder
+from rig_nodes.cli.output_files import OutputFile, OutputFolder
 from rig_nodes.runs.fmu.build import build_rig_fmu
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
@@ -214,4 +214,4 @@ def test_an_older_product_of_the_same_kind_is_replaced(tmp_path, monkeypatch, ca
         "png",
         "controller-fmu",
     }
-    assert not NEVER.own(b"", Path("a.fmu")) and output_files.MARK
+    assert not NEVER.own(b"", Path("a.fmu")) and MARK

@@ -62,8 +62,8 @@ def test_a_load_is_given_as_torque_and_the_page_says_what_the_rig_makes_of_it(pa
     page.until(f"Number(document.querySelector('{field('load_pump.torque')}').value) > {held} + 3")
     assert page.js(f"Number(document.querySelector('{field('load_pump.relief_pressure')}').value)") == relief
     page.write(field("load_pump.torque"), "900")
-    page.until("document.querySelector(\"[data-setting='load_pump.torque'] .said\").textContent")
-    assert page.text("[data-setting='load_pump.torque'] .said").startswith("load_pump.torque is 900 Nm, outside 0 to")
+    said = "document.querySelector(\"[data-setting='load_pump.torque'] .said\").textContent"
+    page.until(f"{said}.startsWith('load_pump.torque is 900 Nm, outside 0 to')")
     page.write(field("load_pump.torque"), "60")
     page.click(field("load_pump.enabled"))
     page.write(field("motor.speed"), "1000")

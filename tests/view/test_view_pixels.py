@@ -19,8 +19,8 @@ from PIL import Image
 from pixels import BAR, LONGEST, curve_pixels, dots, has, image_of, lanes, legend_text, of_state, text_pixels, upright
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base import KINDS
 from rig_nodes.cli.main import main
-from rig_nodes.cli.output_files import KINDS
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import layout, picture
 from rig_nodes.view.convert import make_close_view, make_tab_view

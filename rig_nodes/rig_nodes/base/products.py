@@ -91,7 +91,7 @@ def check_product(what: str, path: Path, kind: Kind) -> None:
     OSError
         When it cannot be read.
     """
-    if not path.exists():
+    if not path.is_file():  # whoever writes says what is wrong with a folder or a device
         return
     with path.open("rb") as file:
         head = file.read(HEAD)
