@@ -18,11 +18,12 @@ from ...bags import cdr
 from ...view import Blocks, Envelope
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from ...rig import Catalogue
 
 KEPT = 25.0  # s of messages and of decoded signals
+STRETCH = 1.0  # s of a topic's messages that are forgotten together
 BYTES = 64_000_000  # of messages that are kept at most, three times what KEPT s of the largest rig need
 LATE = 0.04  # s by which messages of one topic may come behind those of another
 MOST_SIGNALS, MOST_BINS = 64, 2000  # of one page, and of one frame
@@ -66,6 +67,44 @@ class Track:
         return self.t[part], self.values[part]
 
 
+class Messages:
+    """The last messages of one topic, as they were sent, oldest first.
+
+    Those of a stretch of time lie in one piece: some hundred thousand small objects that come and go leave holes in a process's
+    memory, which then grows for hours.
+    """
+
+    def __init__(self) -> None:
+        self._stretches: deque[tuple[float, bytearray, list[int]]] = deque()  # when it began [s], data, where each message ends
+
+    def add(self, messages: list[bytes], now: float) -> None:
+        """Append messages that have come at a time [s]."""
+        if not self._stretches or now >= self._stretches[-1][0] + STRETCH:
+            self._stretches.append((now, bytearray(), []))
+        _, data, ends = self._stretches[-1]
+        for one in messages:
+            data += one
+            ends.append(len(data))
+
+    def began(self) -> float:
+        """Return when the oldest stretch began [s]."""
+        return self._stretches[0][0]
+
+    def forget(self) -> int:
+        """Forget the oldest stretch; return its size [bytes]."""
+        return len(self._stretches.popleft()[1])
+
+    def __bool__(self) -> bool:
+        return bool(self._stretches)
+
+    def __iter__(self) -> Iterator[bytes]:
+        for _, data, ends in self._stretches:
+            begin = 0
+            for end in ends:
+                yield bytes(data[begin:end])
+                begin = end
+
+
 class Tracks:
     """The messages of one rig by topic, and the tracks of the signals that are shown.
 
@@ -73,8 +112,8 @@ class Tracks:
     ----------
     now : float
         Newest time of the rig [s].
-    messages : dict of str to deque of bytes
-        The kept messages of each topic, as they were sent.
+    messages : dict of str to Messages
+        The kept messages of each topic.
     also : collection of str
         Signals that are not in the catalogue; :meth:`put` gives their values.
     """
@@ -83,7 +122,7 @@ class Tracks:
         self._known, self._clock = known, clock
         self.also = also
         self.now, self._bytes = 0.0, 0
-        self.messages: dict[str, deque[bytes]] = {name: deque() for name in known.topics}
+        self.messages = {name: Messages() for name in known.topics}
         self._shown: dict[str, Track] = {}
         self._blocks: dict[str, Blocks] = {}
 
@@ -102,12 +141,12 @@ class Tracks:
         return again
 
     def _keep(self, topic: str, messages: list[bytes]) -> None:
-        kept, latched = self.messages[topic], self._known.topics[topic].qos == "latched"
-        kept.extend(messages)
+        kept = self.messages[topic]
+        kept.add(messages, self.now)
         self._bytes += sum(map(len, messages))
-        oldest = round((self.now - KEPT) * 1e9)
-        while kept and not latched and len(kept[0]) >= 12 and (cdr.stamp(kept[0]) < oldest or self._bytes > BYTES):
-            self._bytes -= len(kept.popleft())
+        if self._known.topics[topic].qos != "latched":
+            while kept and (kept.began() < self.now - KEPT - STRETCH or self._bytes > BYTES):
+                self._bytes -= kept.forget()
         shown = [one for one in self._known.on_topic(topic) if one.name in self._shown]
         if shown:
             self._decode(topic, messages, [one.name for one in shown])
