@@ -125,6 +125,12 @@ def places(tmp_path_factory):
     return made
 
 
+@pytest.fixture
+def sample(tmp_path):
+    """Returns the folder of a copy of the sample bag, whose report `rig report` may write anew."""
+    return str(shutil.copytree(SAMPLE, tmp_path / "sample"))
+
+
 @pytest.mark.parametrize("option", OUTPUTS)
 def test_no_file_that_is_there_is_overwritten_by_the_option(places, option, monkeypatch):
     words, parser, action = OUTPUTS[option]
@@ -171,19 +177,19 @@ def test_a_new_file_may_not_take_a_name_that_the_folder_of_a_run_needs(tmp_path)
             run_verb("compare", [str(SAMPLE), str(SAMPLE), "--json", str(tmp_path / name)])
 
 
-def test_a_file_that_the_verb_reads_is_not_overwritten(tmp_path):
+def test_a_file_that_the_verb_reads_is_not_overwritten(tmp_path, sample):
     page = tmp_path / "page.html"
     page.write_text('<!DOCTYPE html>\n<meta name="generator" content="rig_nodes">')
     with pytest.raises(RigError, match="it is a file that is read"):
-        run_verb("report", [str(SAMPLE), "--html", str(page), "--limits", str(page)])
+        run_verb("report", [sample, "--html", str(page), "--limits", str(page)])
 
 
-def test_an_older_product_of_the_same_kind_is_replaced(tmp_path, monkeypatch, capsys):
+def test_an_older_product_of_the_same_kind_is_replaced(sample, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for words in (
-        ["report", str(SAMPLE), "--html", "page.html"],
-        ["report", str(SAMPLE), "--picture", "shift.png"],
-        ["report", str(SAMPLE), "--picture", "shift.svg"],
+        ["report", sample, "--html", "page.html"],
+        ["report", sample, "--picture", "shift.png"],
+        ["report", sample, "--picture", "shift.svg"],
         ["compare", str(SAMPLE), str(SAMPLE), "--json", "c.json", "--html", "c.html", "--rrd", "c.rrd"],
         ["modes", "clutch_bench", "--json", "m.json", "--picture", "m.svg"],
         ["check", "clutch_bench", "--picture", "p.svg"],

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base import RigError, brief, need_ros, unknown
 from ..studies import TITLES
-from .given import texts, whole
+from .given import seed_of, texts, whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -177,7 +177,7 @@ def bench_faults(
 
     if detector is not None and not callable(detector):
         raise RigError(f"detector is {brief(detector)}, expected a function of a run's course")
-    counts = whole("seed", seed), whole("healthy", healthy, 1), whole("repeats", repeats, 1)
+    counts = seed_of(seed), whole("healthy", healthy, 1), whole("repeats", repeats, 1)
     if not isinstance(sizes, Sequence) or not sizes or not all(isinstance(one, Real) and one > 0.0 for one in sizes):
         raise RigError(f"sizes is {brief(sizes)}, expected numbers above 0, e.g. 0.5, 1 and 2")
     return score(rig_from(rig).config, *counts, [*map(float, sizes)], detector=detector, jobs=whole("jobs", jobs, 1), tell=watch)

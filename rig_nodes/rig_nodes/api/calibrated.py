@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..base import SI, RigError, beside, find_config, load_yaml, quoted, unknown
 from ..studies import calibrate as search
 from ..studies import calibration_of, programme_of, rows_file, write_values
-from .given import texts, whole
+from .given import seed_of, texts, whole
 from .rig import Rig, rig_from
 from .table import Table
 
@@ -167,7 +167,7 @@ def calibrate(
     def pair(stage: str, one: str, other: str) -> None:
         show(0.0, f"{stage}: {one} against {other}")
 
-    seed = whole("seed", seed)
+    seed = seed_of(seed)
     found, config = search(used.config, calibration, generations, jobs, seed, chosen, progress, starts)
     if trade_offs:
         curves = import_module(f"{programme}.trade_off").trade_offs(config, found.after, found.sensitivities, jobs, pair)

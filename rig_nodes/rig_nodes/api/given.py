@@ -13,6 +13,7 @@ from pathlib import Path
 from ..base import KINDS, RigError, brief, check_product, not_written, quantity
 
 LEAST = 1e-6  # s between rows
+MOST_SEED = 2**63 - 1
 
 
 def whole(name: str, value: object, least: int = 0, most: int | None = None) -> int:
@@ -21,6 +22,11 @@ def whole(name: str, value: object, least: int = 0, most: int | None = None) -> 
         span = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise RigError(f"{name} is {brief(value)}, expected a whole number {span}")
     return int(value)
+
+
+def seed_of(value: object) -> int:
+    """Return a seed; RigError when it is none."""
+    return whole("seed", value, 0, MOST_SEED)
 
 
 def chosen(name: str, value: object, count: int, owner: str) -> int:

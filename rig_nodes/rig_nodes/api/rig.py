@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from numbers import Integral, Real
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from ..rig import POINT, RigConfig, check_gearbox, driveline_svg, load_rig, with
 from ..runs import Ordered, Session, build_controller_fmu, build_rig_fmu, check_controller, check_level, load_sequence, sequence_of
 from .checked import checked
 from .exported import export_rig
-from .given import path_of, product, texts, texts_of, whole
+from .given import path_of, product, seed_of, texts, texts_of, whole
 from .run import Run
 from .simulated import simulated
 from .table import Table
@@ -167,7 +167,7 @@ class Rig:
         else:
             read = sequence_of(sequence, given, self.config, self.source)
         read.check_rig(self.config)
-        seed, delay = _seed(seed), whole("delay", delay, 0, MOST_DELAY)
+        seed, delay = seed_of(seed), whole("delay", delay, 0, MOST_DELAY)
         plug, spec = self._plug(controller, level, delay)
         with Temporary() as kept:
             report = simulated(kept.folder, Ordered(self.config, self.source, read, seed, delay, spec), controller=plug)
@@ -216,7 +216,7 @@ class Rig:
         >>> ends
         [50.0, 100.0]
         """
-        seed, delay = _seed(seed), whole("delay", delay, 0, MOST_DELAY)
+        seed, delay = seed_of(seed), whole("delay", delay, 0, MOST_DELAY)
         if controller == EXTERNAL:
             chosen = (EXTERNAL, level, delay)
         else:
@@ -495,13 +495,6 @@ def _fmi(version: object) -> int:
     if version not in (2, 3):
         raise RigError(f"fmi is {brief(version)}, expected 2 or 3")
     return int(version)
-
-
-def _seed(seed: object) -> int:
-    """Return a seed as int, of which numpy has types of its own; RigError when it is none."""
-    if not isinstance(seed, Integral) or not 0 <= seed < 2**63:
-        raise RigError(f"seed is {brief(seed)}, expected a whole number from 0 to 2^63 - 1")
-    return int(seed)
 
 
 def _flat(settings: Mapping[str, Any], owner: str = "") -> dict[str, Any]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..analysis import SHORT, loop_columns, named_metrics
-from ..base import MOST_DELAY, SI, STARTING, UNITS, RigError, brief, waiting
+from ..base import SI, STARTING, UNITS, RigError, brief, waiting
 from ..runs import Workers, sequence_of, start_server
 from ..studies import (
     Plan,
@@ -31,7 +31,7 @@ from ..studies import (
     rows_of,
     run_sweep,
 )
-from .given import path_of, texts_of, whole
+from .given import path_of, seed_of, texts_of, whole
 from .rig import Rig, rig_from, spec_of
 from .table import GEARS, Table, column_unit
 
@@ -126,7 +126,7 @@ def sweep(
     given = _varied(rig, vary)
     fixed_with = texts_of("parameters", parameters)
     samples = None if samples is None else whole("samples", samples, 1)
-    seed, repeats, delay = whole("seed", seed), whole("repeats", repeats, 1), whole("delay", delay, 0, MOST_DELAY)
+    seed, repeats, delay = seed_of(seed), whole("repeats", repeats, 1), whole("delay", delay)
     plugged = plugged_of(spec_of(controller), level, delay)
     with contextlib.ExitStack() as stack:
         own = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rig-sweep-")))

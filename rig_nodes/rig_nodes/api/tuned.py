@@ -35,7 +35,7 @@ from ..studies import (
     run_tuning,
     spreads_of,
 )
-from .given import path_of, texts, whole
+from .given import path_of, seed_of, texts, whole
 from .rig import Rig, rig_from
 from .table import Table
 
@@ -178,7 +178,7 @@ def tune(
         whole("judge_rigs", judge_rigs),
         whole("points", points, 1),
         whole("fresh", fresh, 1),
-        whole("seed", seed),
+        seed_of(seed),
         None if generations is None else whole("generations", generations, 1),
         whole("shifts", shifts, 1),
     )
