@@ -44,6 +44,8 @@ def test_a_run_ends_well(tmp_path):
     assert len(steps) == 8 and all(text in output for text in steps)
     assert bag.run_info()["sequence"] == "short"
     assert {path.name for path in run.folder.iterdir()} == {"short_0.mcap", "metadata.yaml", "report.json", "run.json", "logs"}
+    recorder = json.loads((run.folder / "logs" / "recorder.json").read_text())
+    assert recorder["publishers_at_end"] == 0, "it has seen all of them leave and waited for none"
 
 
 def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):

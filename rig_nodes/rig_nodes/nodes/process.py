@@ -286,6 +286,10 @@ class Process:
                 atomic_write(path, json.dumps({**facts, **cost}, indent=1) + "\n")
         for node in nodes:
             self.executor.remove_node(node)
+        # it keeps what it has served alive: DDS would tell the others of this process's end only in an orderly end of Python,
+        # which a forked process does not have, and they would wait for its publishers and its acknowledgements
+        self.executor.shutdown()
+        for node in nodes:
             node.destroy_node()
         rclpy.shutdown()
 

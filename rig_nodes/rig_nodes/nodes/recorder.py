@@ -377,6 +377,7 @@ def work(process: Process) -> None:
                 process.status("alive")
                 node.others.look()
             drain(process, node)
+            connected = node.connected_publishers()
         finally:
             end.store(writer)
             node.close()
@@ -390,6 +391,7 @@ def work(process: Process) -> None:
         left_out=dict(recording.left_out),
         unrecorded=node.others.unrecorded,
         longest_queue=node.longest_queue,
+        publishers_at_end=connected,
     )
     if node.failure is not None:
         raise node.failure
