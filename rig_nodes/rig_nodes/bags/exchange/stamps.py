@@ -36,17 +36,31 @@ LATEST = 9_000_000_000  # s from 1970, to which whole nanoseconds go
 LOOKED_AT = 40  # cells by which a column of texts is taken for times
 _EPOCH = datetime.date(1970, 1, 1).toordinal()
 _MONTHS = ("jan", "feb", "mar mär", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez")
-_ZONES = {"z": 0, "utc": 0, "gmt": 0, "cet": 60, "mez": 60, "cest": 120, "mesz": 120}
+# hours east of Greenwich; CST and IST mean several
+_HOURS = {
+    0: "z utc gmt wet",
+    1: "bst west cet mez",
+    2: "cest mesz eet",
+    3: "eest msk",
+    9: "jst",
+    -4: "edt",
+    -5: "est cdt",
+    -6: "mdt",
+    -7: "mst pdt",
+    -8: "pst",
+}
+_ZONES = {zone: 60 * hours for hours, zones in _HOURS.items() for zone in zones.split()}
 _DATE = (
     r"(?P<date>\d{1,4}(?P<sep>[-./])\d{1,2}(?P=sep)\d{1,4}|\d{1,2}[-. ]+[a-zä]{3,9}[-., ]+\d{4}"
     r"|[a-zä]{3,9}\.? \d{1,2},? \d{4}|\d{8}(?=T))"
 )
 _TIME = (
-    r"(?P<h>\d{1,4}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2})(?:[.,:](?P<f>\d{1,12}))?|[.,](?P<mf>\d{1,9}))?"
-    r"\s*(?P<half>[ap]\.?\s?m\.?)?\s*(?P<zone>z|utc|gmt|cest|cet|mesz|mez|[-+]\d{2}(?::?\d{2})?)?(?:\[[\w/+-]+\])?"
+    r"(?P<h>\d{1,4}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2})(?:(?P<point>[.,:])(?P<f>\d{1,12}))?|[.,](?P<mf>\d{1,9}))?"
+    rf"\s*(?P<half>[ap]\.?\s?m\.?)?\s*(?:Uhr)?\s*(?P<zone>{'|'.join(_ZONES)}|[-+]\d{{2}}(?::?\d{{2}})?)?(?:\[[\w/+-]+\])?"
 )
 _STAMP = re.compile(rf"(?:{_DATE}[T ,;_]*\s*)?{_TIME}", re.IGNORECASE)
 _COMPACT = re.compile(r"(\d{8}T\d{2})(\d{2})(\d{2})(.*)", re.IGNORECASE)
+_BEHIND_COLON = re.compile(r"\d:\d\d:\d\d:(\d+)")
 _ONLY_DATE = re.compile(rf"{_DATE}(?:[T ]+0?0:00(?::00(?:[.,]0+)?)?)?", re.IGNORECASE)
 _DURATION = re.compile(
     r"(?P<sign>[-+]?)(?P<days>\d+) days?,? *(?:\+?(?P<h>\d+):(?P<m>\d{2}):(?P<s>\d{2})(?:[.,](?P<f>\d{1,12}))?)?"
@@ -267,6 +281,7 @@ def _of_texts(column: Cells, texts: list[str], first: str) -> Stamps:
     minutes: dict[tuple, int] = {}  # ns of date, hour, minute and zone, which many rows share
     ns, empty = np.zeros(len(texts), np.int64), np.zeros(len(texts), bool)
     zoned = dated = None
+    digits = _digits_behind_colon(texts)
     for n, text in enumerate(texts):
         if not text:
             empty[n] = True
@@ -285,7 +300,7 @@ def _of_texts(column: Cells, texts: list[str], first: str) -> Stamps:
                     f"{column.place(n)} has the time '{text}', with a date or an offset where other rows have none, or without"
                 )
             zoned, dated = match["zone"] is not None, match["date"] is not None
-        fraction = match["f"] or ""
+        fraction = (match["f"] or "").rjust(digits, "0") if match["point"] == ":" else match["f"] or ""
         ns[n] = minutes[key] + NS * int(match["s"] or (match["mf"] and match["m"]) or 0) + int(fraction.ljust(9, "0")[:9] or 0)
         if match["mf"] is not None:
             ns[n] += int(match["mf"].ljust(9, "0")[:9])
@@ -297,6 +312,15 @@ def _of_texts(column: Cells, texts: list[str], first: str) -> Stamps:
     seconds = np.full(len(texts), np.nan)
     seconds[~empty] = (own if elapsed else own - own[0]) / NS
     return Stamps(seconds) if elapsed else Stamps(seconds, True, (int(own[0]) % (NS * DAY)) / NS, first)
+
+
+def _digits_behind_colon(texts: list[str]) -> int:
+    """Return how many digits a fraction behind a colon has: those that are written, or 3 where some are short.
+
+    Loggers write 10:00:00:9 for 9 ms where 10:00:00:10 comes next.
+    """
+    lengths = {len(found[1]) for text in texts if (found := _BEHIND_COLON.search(text))}
+    return max(3, *lengths) if len(lengths) > 1 else 0
 
 
 def _minute(column: Cells, row: int, text: str, match: re.Match, order: str) -> int:
