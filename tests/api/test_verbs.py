@@ -238,7 +238,7 @@ def test_scores_of_a_detector_are_those_of_the_command_line(monkeypatch, tmp_pat
         (lambda: rig_nodes.bench_faults("hydmag", sizes=["1"]), "sizes is ['1'], expected numbers above 0"),
         (lambda: rig_nodes.bench_faults("hydmag", sizes=2), "sizes is 2, expected numbers above 0"),
         (lambda: rig_nodes.bench_faults("hydmag", jobs=True), "jobs is True, expected a whole number of at least 1"),
-        (lambda: rig_nodes.bench_faults("hydmag", seed=-1), "seed is -1, expected a whole number of at least 0"),
+        (lambda: rig_nodes.bench_faults("hydmag", seed=-1), "seed is -1, expected a whole number from 0 to 9223372036854775807"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_in_a_sentence(call, sentence):

@@ -102,6 +102,7 @@ def test_three_pages_for_half_an_hour_cost_the_rig_nothing_and_grow_nowhere(tmp_
     without, found = punctual(alone), punctual(beside)
     with capsys.disabled():
         print(f"\n{WITH} min: server {rows[0][0]:.1f} to {rows[-1][0]:.1f} MB, heaps {rows[0][1:]} to {rows[-1][1:]} MB")
+        print(f"server each minute [MB]: {', '.join(f'{row[0]:.1f}' for row in (*rows, *others))}")
         print(f"most growth in {SPAN} min [MB]: {grown}, with a page that stands still {grown_beside}")
         for name, one in (("without", without), ("with", found)):
             print(f"{name} pages: lateness {one['lateness_ms']}, {one['overruns']} of {one['ticks']} ticks late")
