@@ -70,7 +70,22 @@ async def _attack(panel):
             await websocket_connect(HTTPRequest(address, headers=headers))
     chance = random.Random(1)
     known = ["gear", "set", "profile", "fault", "record", "wish", "own sequence", "nothing", None, 7]
-    values = [None, True, -1, 1e308, "", "x" * 5000, [], [1] * 6, {}, {"a": [[]]}, "motor.speed", "<b>", "../../etc/passwd"]
+    values = [
+        None,
+        True,
+        -1,
+        1e308,
+        "",
+        "x" * 5000,
+        [],
+        [1] * 6,
+        {},
+        {"a": [[]]},
+        "motor.speed",
+        "<b>",
+        "../../etc/passwd",
+        "\ud800",
+    ]
     keys = ["name", "value", "gear", "key", "times", "currents", "order", "what", "signals", "number", "length", "content", "id"]
     socket = await websocket_connect(HTTPRequest(f"{url}?token={panel.token}", headers={"Origin": panel.origin}))
     refused = 0

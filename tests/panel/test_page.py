@@ -64,6 +64,12 @@ def test_a_load_is_given_as_torque_and_the_page_says_what_the_rig_makes_of_it(pa
     page.write(field("load_pump.torque"), "900")
     said = "document.querySelector(\"[data-setting='load_pump.torque'] .said\").textContent"
     page.until(f"{said}.startsWith('load_pump.torque is 900 Nm, outside 0 to')")
+    slider = "document.querySelector(\"[data-setting='load_pump.torque'] [type=range]\")"
+    page.js(
+        f"(() => {{ const s = {slider}; s.max = 900; s.value = 900; for (const e of ['input', 'change']) s.dispatchEvent(new Event(e)); }})()"
+    )
+    page.until(f"{said}.startsWith('load_pump.torque is 898.4 Nm, outside 0 to')")  # of the slider's steps
+    page.until(f"Number({slider}.value) < 200")  # what the rig has
     page.write(field("load_pump.torque"), "60")
     page.click(field("load_pump.enabled"))
     page.write(field("motor.speed"), "1000")
@@ -92,6 +98,16 @@ def test_a_value_that_is_refused_says_why_beside_the_hand(page):
     assert page.text(said) == "motor.speed is 50000 rpm, outside 0 to 3000 rpm"
     page.write(field("motor.speed"), "1000")
     page.until(f"document.querySelector(\"{said}\").textContent === ''")
+
+
+def test_of_the_settings_those_that_are_looked_for_are_shown(page):
+    shown = "[...document.querySelectorAll('#setting-list .set')].filter((one) => one.offsetParent).map((one) => one.dataset.words)"
+    page.js(
+        "(() => { const f = document.getElementById('find'); f.value = 'temperature'; f.dispatchEvent(new Event('input')); })()"
+    )
+    found = page.js(shown)
+    assert found and all("temperature" in words for words in found), "and not the others of their groups"
+    page.js("(() => { const f = document.getElementById('find'); f.value = ''; f.dispatchEvent(new Event('input')); })()")
 
 
 def test_the_keyboard_orders_a_gear_and_stops_the_rig(page):
@@ -132,7 +148,15 @@ def test_a_second_page_sees_and_does_what_the_first_does(page, panel):
     with closing(Browser(panel.url)) as second:
         second.until(f"document.querySelector('{field('motor.speed')}').value === '750'")
         assert second.text("button[aria-label='T_oil.offset']") == "off", "it was told of the faults before it came"
+        page.click(field("motor.speed"))
+        page.js("document.activeElement.select()")
+        page.call("Input.insertText", text="77")
         second.write(field("motor.speed"), "800")
+        second.write(field("oil_supply.pressure"), "4.1")
+        page.until(f"document.querySelector('{field('oil_supply.pressure')}').value === '4.1'")
+        assert page.js(f"document.querySelector('{field('motor.speed')}').value") == "77", "a hand is typing there"
+        page.js(f"document.querySelector('{field('motor.speed')}').value = ''")
+        page.click("h1")
         page.until(f"document.querySelector('{field('motor.speed')}').value === '800'")
         second.click("#e_stop")
         page.until(f"{STATE} === 'emergency stop'")
@@ -194,8 +218,11 @@ def test_an_order_says_that_it_waits_for_the_rig_and_how_old_the_samples_are(pag
 
 
 def test_the_rig_is_started_again_under_the_page(page, panel):
+    page.click("#run")
+    page.until("document.getElementById('sequence-said').textContent.includes('of 14')")
     os.kill(rig_of(panel), signal.SIGINT)
     page.until(f"{STATE} === 'away' && !document.getElementById('start').hidden", 60)
+    page.until("document.getElementById('sequence-said').dataset.kind === 'refused' && document.getElementById('progress').hidden")
     page.until("document.getElementById('reason').textContent === 'the rig has ended'")
     page.click("#start")
     page.until(READY, 60)

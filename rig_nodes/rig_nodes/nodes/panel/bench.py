@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from ...rig import Topic
 
-SLICE = 0.1  # s after which the thread looks for jobs that wait for a server; new ones wake it
+SLICE, IDLE = 0.1, 2.0  # s after which the thread looks for jobs that wait for a server, and without any; new ones wake it
 KEPT = 20_000  # messages of one topic that wait for the page's thread, 20 s at 1 kHz; the newest stay
 FOUND = 10.0  # s in which the server of an action is found on a busy machine
 BEHIND = 0.3  # s by which a busy machine may be behind with a topic, of which then the newest messages are received
@@ -85,6 +85,7 @@ class Bench:
         self._sequence = ActionClient(self._node, RunSequence, "/sequencer/run")
         self.progress: dict[str, Any] = {"running": False, "text": ""}  # of the sequence that runs, whoever has started it
         self.phase = ""  # of the shift that runs
+        self._goals: set[Future] = set()  # of the actions that have been asked for and have not ended
         names = "/sequencer/run/_action", "/controller/shift/_action"
         self._node.create_subscription(RunSequence.Impl.FeedbackMessage, f"{names[0]}/feedback", self._on_step, 10)
         self._node.create_subscription(GoalStatusArray, f"{names[0]}/status", self._on_status, recorder_profile("latched"))
@@ -245,6 +246,8 @@ class Bench:
     def _act(self, client: ActionClient, goal: Any, accepted: Callable[[], None], server: str, rejected: str) -> Future:
         """Send a goal; ``server`` and ``rejected`` make the sentence of a goal that is not accepted."""
         result, asked = Future[str](), time.monotonic()
+        self._goals.add(result)
+        result.add_done_callback(self._goals.discard)
 
         def outcome(done: RosFuture) -> str:
             answer = done.result().result
@@ -271,6 +274,17 @@ class Bench:
         self._do(begin)
         return result
 
+    def forget(self, why: str) -> None:
+        """Refuse all actions that have not ended, because the rig that they were for is gone."""
+
+        def end() -> None:
+            self.progress = {"running": False, "text": ""}
+            for one in list(self._goals):
+                settle(one, refuse(why))
+
+        if self._goals or self.progress["running"]:
+            self._do(end)
+
     # ---- the thread
 
     def _do(self, job: Callable[[], None]) -> None:
@@ -284,9 +298,9 @@ class Bench:
                 self._turn = RosFuture()
                 for _ in range(self._jobs.qsize()):
                     self._jobs.get()()
-                # each call keeps 32 bytes for good (rclpy 7.1), so not a hundred a second; spin_once keeps nothing, but costs
+                # each call keeps 32 bytes for good (rclpy 7.1), so not ten a second; spin_once keeps nothing, but costs
                 # 30 us a message beside other threads, and with events that it leaves behind rclpy has crashed
-                self._executor.spin_until_future_complete(self._turn, SLICE)
+                self._executor.spin_until_future_complete(self._turn, SLICE if self._jobs.qsize() else IDLE)
         except Exception as error:
             self.failure = error
 
@@ -316,8 +330,8 @@ def refuse(why: str) -> Callable[[], Any]:
 
 
 def settle(future: Future, outcome: Callable[[], Any]) -> None:
-    """Give a future its result or its error, unless nobody waits for it any more."""
-    if not future.set_running_or_notify_cancel():
+    """Give a future its result or its error, unless nobody waits for it any more or it has one."""
+    if future.done() or not future.set_running_or_notify_cancel():
         return
     try:
         future.set_result(outcome())

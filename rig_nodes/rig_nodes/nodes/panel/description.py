@@ -130,8 +130,12 @@ class Description:
         """The sequences or procedures of the rig and of those it is based on by name: their files and lines of text."""
         found: dict[str, tuple[Path, str]] = {}
         for path in (path for file, _ in self._files for path in sorted((file.parent / kind).glob("*.yaml"))):
-            content = load_yaml(path)
-            found.setdefault(path.stem, (path, str(content.get("description", "")) if isinstance(content, dict) else ""))
+            try:
+                content = load_yaml(path)
+                text = str(content.get("description", "")) if isinstance(content, dict) else ""
+            except RigError as error:  # one that somebody is writing
+                text = f"it cannot be read: {error}"
+            found.setdefault(path.stem, (path, text))
         return found
 
     def _drive(self) -> list[dict[str, str]]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base import RigError, atomic_write, brief
+from ...base import RigError, atomic_write, brief, not_written
 from ...rig import CONTROLLER, OUTPUT_KEYS, Alfa46Config, read_alfa46
 from ...studies import controller_yaml
 
@@ -88,7 +88,10 @@ def save_sequence(name: Any, content: Any) -> Path:
     if not isinstance(content, str) or len(content) > LARGEST_SEQUENCE:
         raise RigError(f"a sequence has at most {LARGEST_SEQUENCE} letters")
     path = SEQUENCES.absolute() / f"{named(name)}.yaml"
-    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise not_written(path.parent, error) from None
     atomic_write(path, content)
     return path
 

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 LONGEST_SHIFT, LONGEST_SEQUENCE = 30.0, 86_400.0  # s
 POINTS = 6  # of a profile
 LENGTHS = 1e-3, 1.0  # s of a stretch of a chart
+AT_ONCE = 32  # orders of one page that are not answered yet
+TOO_MANY = "too many orders at once; wait for the answers"
+URGENT = {"e_stop", "reset"}  # which are taken beside so many others
 Order = Callable[["Panel", "Page", dict[str, Any]], Awaitable[Any]]
 
 
@@ -208,20 +211,23 @@ ORDERS: dict[str, Order] = {
 }
 
 
-async def obey(panel: Panel, page: Page, data: str | bytes) -> None:
-    """Do what a page asks for and answer it; what cannot be read is answered with a refusal too."""
+async def obey(panel: Panel, page: Page, data: str | bytes, waiting: int) -> None:
+    """Do what a page asks for, ``waiting`` of whose orders wait, and answer it; what cannot be read is answered with a refusal."""
     number = None
     try:
         try:
             message = json.loads(data)
+            json.dumps(message, ensure_ascii=False).encode()  # ROS takes no lone surrogate
         except (ValueError, RecursionError):
-            raise RigError("a message to the rig's page must be JSON") from None
+            raise RigError("a message to the rig's page must be JSON, its texts Unicode") from None
         if not isinstance(message, dict):
             raise RigError("a message to the rig's page must be a JSON object")
         number = message.get("id") if isinstance(message.get("id"), int) else None
         order = ORDERS.get(str(message.get("do")))
         if order is None:
             raise RigError(unknown("order", str(message.get("do")), ORDERS))
+        if waiting >= AT_ONCE and message["do"] not in URGENT:
+            raise RigError(TOO_MANY)
         answer, done = await order(panel, page, message), True
     except RigError as error:
         answer, done = str(error), False

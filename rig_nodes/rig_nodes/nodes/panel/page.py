@@ -47,7 +47,7 @@ class Page:
 
     def tell(self, message: Mapping[str, Any]) -> None:
         """Send a message as JSON, after those before it."""
-        self._texts.append(json.dumps(message, ensure_ascii=False))
+        self._texts.append(json.dumps(message))  # all of it ASCII: a lone surrogate in a name could not be sent
         if len(self._texts) > WAITING:
             self._drop()
         self.send_texts()

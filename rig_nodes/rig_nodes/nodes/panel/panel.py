@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ...bags import Fields, cdr
 from ...base import RigError, printable, unknown
 from ...controllers import participants
-from ...rig import CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, OWN
+from ...rig import CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, FAULT_OFF, FAULT_ON, OWN
 from ..device import own_nodes
 from ..running_rig import STATE, STATES, read_in
 from .description import Description, described
@@ -79,6 +79,7 @@ class Panel:
         self._health: dict[str, Any] = {}
         self._progress: dict[str, Any] = {"kind": "sequence", "running": False, "text": ""}
         self._found: dict[str, Any] = {}
+        self._faulty: set[str] = set()  # the faults that are on
         self._count, self._heard = 0, -SILENT - 1
         self._asked: set[asyncio.Task] = set()
         self._command: Fields | None = None
@@ -97,6 +98,10 @@ class Panel:
         for message in (self._state, self._health, self._progress, self._found, *self._events, *self.shifts.found):
             if message:
                 page.tell(message)
+        page.tell(self._faults())
+
+    def _faults(self) -> dict[str, Any]:
+        return {"kind": "faults", "on": sorted(self._faulty)}
 
     def wish(self) -> None:
         """Decode what some page shows."""
@@ -141,11 +146,15 @@ class Panel:
 
     def _begin(self, record: dict[str, Any]) -> None:
         """Take the record of a rig that has begun to run, in place of the one before."""
+        if self.about is not None:
+            self.bench.forget("the rig has ended before it was done")
         try:
-            self.about = Description(record, self.own.rig if self.own else "")
+            about = Description(record, self.own.rig if self.own else "")
+            _ = about.whole  # everything of it that can be refused
         except RigError as error:
             self.tell({"kind": "note", "text": str(error)})
             return
+        self.about = about
         catalogue = self.about.config.catalogue
         self.tracks = Tracks(catalogue, STATE)
         self._command = Fields(catalogue.topics[CONTROLLER_COMMAND].ros_type) if self.about.shifts else None
@@ -180,6 +189,8 @@ class Panel:
         """Time has begun again, of this rig or of another one in its place."""
         self.shifts.forget()
         self._events.clear()
+        self._faulty.clear()
+        self.tell(self._faults())
         for page in self.pages:
             if page.wish:
                 page.wish.restart()
@@ -234,6 +245,10 @@ class Panel:
             told = {"kind": "event", "t": t, "from": topic.split("/")[1], "name": event.name, "text": event.text}
             self._events.append(told)
             self.tell(told)
+            if event.name in (FAULT_ON, FAULT_OFF):
+                name = event.text.partition(":")[0].partition(" ")[0]
+                (self._faulty.add if event.name == FAULT_ON else self._faulty.discard)(name)
+                self.tell(self._faults())
             if self.procedure is not None:
                 self.procedure.event(event.name, event.text)
             if topic == CONTROLLER_EVENTS:
@@ -270,6 +285,8 @@ class Panel:
         """Once a second: health, nodes, torques of loads at their new speeds, and whether the rig is there."""
         self._learn({})
         ended = self.own.how if self.own and self.own.ended else ""
+        if ended:
+            self.bench.forget(ended)
         if self._count - self._heard > SILENT and (self._state["state"] != "away" or (ended and ended != self._state["reason"])):
             if self.procedure is not None:
                 ended = f"the rig starts anew for procedure '{self.procedure.procedure.name}'"
@@ -281,7 +298,7 @@ class Panel:
             "kind": "health",
             "devices": {
                 name: {
-                    "level": LEVELS[one.level[0]],
+                    "level": LEVELS[min(one.level[0], len(LEVELS) - 1)],
                     "text": one.message,
                     "values": {value.key: value.value for value in one.values},
                 }

@@ -25,7 +25,7 @@ from ...base import RigError
 from .access import LOOPBACK, Access
 from .bench import Bench
 from .files import controller_text, controller_values, recording
-from .orders import answered, obey
+from .orders import AT_ONCE, TOO_MANY, answered, obey
 from .page import SLOW, Page
 from .panel import FRAMES, Panel
 
@@ -39,7 +39,6 @@ LARGEST = 256 * 1024  # bytes of a message from a page
 UNREAD = 64 * 1024  # bytes that the system keeps for a browser that does not read
 PIECE = 256 * 1024  # bytes of a file that are sent at once
 DRAWN = "+"  # what a page says when it has a frame
-AT_ONCE = 32  # orders of one page that are not answered yet
 HEADERS = {
     # nothing but this server's own files is loaded or run, and no other page may frame this one
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
@@ -74,7 +73,8 @@ class Guarded(RequestHandler):
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
         """Answer an error with a sentence."""
-        why = self.access.refusal(self.request) if status_code == 403 else self._reason
+        error = kwargs.get("exc_info", (None, None))[1]
+        why = self.access.refusal(self.request) if status_code == 403 else getattr(error, "why", self._reason)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"rig: {why}\n")
 
@@ -140,13 +140,21 @@ class Recording(Guarded):
                         await self.flush()
 
 
+class Refused(HTTPError):
+    """A request that is refused with a sentence, which the body has: a reason phrase may not hold every letter."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(409)
+        self.why = why
+
+
 @contextmanager
 def refusals() -> Iterator[None]:
     """Answer a RigError of the block as a refused request, with its sentence."""
     try:
         yield
     except RigError as error:
-        raise HTTPError(409, reason=" ".join(str(error).encode("ascii", "replace").decode().split())) from None
+        raise Refused(str(error)) from None
 
 
 class Nothing(Guarded):
@@ -187,10 +195,10 @@ class Socket(Guarded, WebSocketHandler):
         if message == DRAWN:
             self.page.drawn()
             return
-        if len(self.asked) >= AT_ONCE:
-            self.page.tell({"kind": "answer", "id": None, "ok": False, "text": "too many orders at once; wait for the answers"})
+        if len(self.asked) >= 2 * AT_ONCE:
+            self.page.tell({"kind": "answer", "id": None, "ok": False, "text": TOO_MANY})
             return
-        task = asyncio.get_running_loop().create_task(obey(self.panel, self.page, message))
+        task = asyncio.get_running_loop().create_task(obey(self.panel, self.page, message, len(self.asked)))
         self.asked.add(task)
         task.add_done_callback(self.asked.discard)
 

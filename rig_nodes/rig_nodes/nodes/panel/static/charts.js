@@ -25,12 +25,15 @@ export class Charts {
       at("pause").setAttribute("aria-pressed", String(this.held));
     };
     link.on("frame", (data) => this.take(data));
+    document.addEventListener("visibilitychange", () => document.hidden && this.thank()); // nothing is drawn until it is seen again
     new ResizeObserver(() => this.resize()).observe(at("strips"));
     requestAnimationFrame(() => this.draw());
   }
 
   rig(message) {
     this.known = new Map();
+    for (const row of this.rows) row.plot?.destroy();
+    this.rows = [];
     at("signals").replaceChildren();
     this.learn([...message.signals, ...message.own_signals]);
     let saved = null;
@@ -40,9 +43,9 @@ export class Charts {
       // what was kept is not ours
     }
     this.rig_name = message.name;
-    this.rows = [];
     at("strips").replaceChildren();
-    for (const names of Array.isArray(saved) && saved.length ? saved : message.chart) this.add(names.filter((one) => this.known.has(one)), false);
+    // signals of a controller become known later, so what a user has chosen stays
+    for (const names of Array.isArray(saved) && saved.length ? saved : message.chart) this.add([...names], false);
     this.wish();
   }
 
@@ -52,6 +55,7 @@ export class Charts {
       if (!this.known.has(one.name)) at("signals").append(make("option", { value: one.name }, `${one.text} [${one.unit}]`));
       this.known.set(one.name, one);
     }
+    for (const row of this.rows) if (row.names.some((name) => signals.some((one) => one.name === name))) this.build(row);
   }
 
   // Charts and picture together decide what the server sends.
@@ -102,7 +106,7 @@ export class Charts {
     });
     row.values = new Map();
     const chips = row.names.map((name, k) => {
-      const one = this.known.get(name);
+      const one = this.known.get(name) ?? { text: name, unit: "" };
       const value = make("span", { class: "value" }, "–");
       row.values.set(name, value);
       const sign = make("i");

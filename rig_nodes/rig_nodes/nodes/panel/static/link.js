@@ -64,6 +64,17 @@ export class Link {
   }
 }
 
+// Fetches from the page's server: what it has sent, or the text of its answer or refusal.
+export async function fetched(address, options = {}) {
+  try {
+    const answer = await fetch(address, options);
+    if (answer.ok && !options.method) return { ok: true, blob: await answer.blob() };
+    return { ok: answer.ok, text: (await answer.text()).replace(/^rig: /, "") };
+  } catch {
+    return { ok: false, text: "the page's server does not answer" };
+  }
+}
+
 // Makes an element; texts are always texts, never markup.
 export function make(tag, attributes = {}, ...children) {
   const one = document.createElement(tag);

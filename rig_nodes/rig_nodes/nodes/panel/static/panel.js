@@ -2,7 +2,7 @@
 
 import { Charts } from "./charts.js";
 import { Driveline } from "./driveline.js";
-import { Link, at, make, shown } from "./link.js";
+import { Link, at, fetched, make, shown } from "./link.js";
 import { READ, order, orderAbove, say } from "./orders.js";
 import { Profiles } from "./profiles.js";
 import { Sequences } from "./sequences.js";
@@ -19,6 +19,7 @@ const sequences = new Sequences(link);
 const shifts = new Shifts(link);
 const fields = new Map(); // by setting: function that shows its value
 const faults = new Map(); // by name: its switch
+let faulty = []; // names of the faults that are on
 let rig = null;
 let state = "";
 
@@ -73,6 +74,7 @@ link.on("rig", (message) => {
   profiles.rig(message);
   sequences.rig(message);
   shifts.rig(message);
+  link.ask("record", { what: "ask" }).catch(() => {});
 });
 
 function gears({ gears: all }) {
@@ -137,19 +139,32 @@ function setting(one, slider) {
   const ranged = one.low != null && one.high != null;
   const pull = slider && ranged ? make("input", { type: "range", min: one.low, max: one.high, step: (one.high - one.low) / 200, "aria-label": one.text }) : null;
   let held = null;
+  let edited = false; // what is being typed or pulled is not written over
   const value = (text) => (/[a-z%°]/i.test(text) || !unit ? text : `${text} ${unit}`);
-  const give = (text) => order(link, said, "set", { name: one.name, value: value(text) }, { control: field, quiet: true }).then((good) => good && held != null && show(held));
+  const give = (text) => order(link, said, "set", { name: one.name, value: value(text) }, { control: field, quiet: true }).then((good) => {
+    if (good) edited = false;
+    if (good || document.activeElement !== field) back();
+  });
   const show = (value) => {
     held = value;
-    if (document.activeElement !== field || !said.textContent) field.value = shown(value, 5).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "");
-    if (pull && document.activeElement !== pull) pull.value = value;
+    if (edited) return;
+    field.value = shown(value, 5).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "");
+    if (pull) pull.value = value;
   };
+  const back = () => {
+    edited = false;
+    if (held != null) show(held);
+  };
+  field.oninput = () => (edited = true);
   field.onchange = () => give(field.value.trim().replace(",", "."));
   field.onblur = () => {
-    if (held != null) show(held);
+    back();
     setTimeout(() => said.dataset.kind === "refused" && say(said, ""), READ);
   };
-  if (pull) pull.onchange = () => give(String(+(+pull.value).toPrecision(4)));
+  if (pull) {
+    pull.oninput = () => (edited = true);
+    pull.onchange = () => give(String(+(+pull.value).toPrecision(4))).then(back);
+  }
   fields.set(one.name, show);
   const range = ranged ? `${shown(one.low, 4)} to ${shown(one.high, 4)} ${unit}` : "";
   row.append(make("div", {}, words, make("div", { class: "range" }, range)), make("div", { class: "field" }, field, make("span", { class: "unit" }, unit)), pull ?? "", said);
@@ -187,7 +202,6 @@ link.on("event", (message) => {
   const bad = /trip|refused|fail|abort|stop|lost/.test(message.name);
   at("event-list").prepend(make("li", {}, make("time", {}, `${message.t.toFixed(3)} s`), make("span", { class: bad ? "bad" : "" }, ` ${message.text || message.name}`)));
   while (at("event-list").children.length > MOST_EVENTS) at("event-list").lastChild.remove();
-  if (/^fault_(on|off)$/.test(message.name)) for (const [name, show] of faults) if (message.text.startsWith(name)) show(message.name);
 });
 link.on("restart", () => at("event-list").replaceChildren());
 
@@ -208,9 +222,9 @@ at("rec-split").onclick = () => order(link, at("rec-said"), "record", { what: "s
 for (const [id, ending] of [["rec-bag", "bag.zip"], ["rec-report", "report.html"]]) {
   at(id).onclick = async () => {
     say(at("rec-said"), "being made …", "asked");
-    const answer = await fetch(`${ending}?name=${encodeURIComponent(at("rec-name").value)}`);
-    if (!answer.ok) return say(at("rec-said"), (await answer.text()).replace(/^rig: /, ""), "refused");
-    const address = URL.createObjectURL(await answer.blob());
+    const { text, blob } = await fetched(`${ending}?name=${encodeURIComponent(at("rec-name").value)}`);
+    if (!blob) return say(at("rec-said"), text, "refused");
+    const address = URL.createObjectURL(blob);
     make("a", { href: address, download: `${at("rec-name").value || "recording"}.${ending.split(".")[1]}` }).click();
     setTimeout(() => URL.revokeObjectURL(address), 60000);
     say(at("rec-said"), "");
@@ -264,8 +278,7 @@ function showFaults(all) {
           const wanted = size && !on ? `, size=${size.value} ${one.unit}` : "";
           order(link, said, "fault", { order: on ? `${one.name}, off=true` : `${one.name}${wanted}` }, { control: button, quiet: true });
         };
-        faults.set(one.name, (event) => {
-          const on = event === "fault_on";
+        faults.set(one.name, (on) => {
           button.setAttribute("aria-pressed", String(on));
           button.textContent = on ? "on" : "off";
         });
@@ -273,15 +286,21 @@ function showFaults(all) {
         return make("div", { class: "set" }, make("div", {}, make("strong", {}, one.name), ` ${one.text}`, make("div", { class: "range" }, range)), make("div", { class: "field" }, size ?? "", size ? make("span", { class: "unit" }, one.unit) : "", button), said);
       }),
   );
+  showFaulty();
 }
+
+function showFaulty() {
+  for (const [name, show] of faults) show(faulty.includes(name));
+}
+link.on("faults", ({ on }) => {
+  faulty = on;
+  showFaulty();
+});
 
 // ---- connection
 
 link.on("note", ({ text }) => note(text));
-link.on("open", () => {
-  at("event-list").replaceChildren();
-  link.ask("record", { what: "ask" }).catch(() => {});
-});
+link.on("open", () => at("event-list").replaceChildren());
 link.on("closed", () => {
   usable(false);
   at("state").textContent = "no connection";

@@ -1,10 +1,11 @@
 // The valve profiles P1 to P6 of each output: two curves that one drags; what is drawn solid is what the rig has.
 
-import { at, make } from "./link.js";
+import { at, fetched, make } from "./link.js";
 import { order, say } from "./orders.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM, GAP] = [440, 210, 40, 8, 12, 30, 26];
+const SOON = 500; // ms in which the rig's new values come behind its answer
 const STEPS = { time: 0.005, current: 0.005 }; // s and A of an arrow key
 
 function draw(tag, attributes, text) {
@@ -22,8 +23,8 @@ export class Profiles {
       const [file] = at("load-controller").files;
       if (!file) return;
       say(at("controller-said"), "asked", "asked");
-      const answer = await fetch("controller.yaml", { method: "POST", body: await file.text() });
-      say(at("controller-said"), (await answer.text()).replace(/^rig: /, ""), answer.ok ? "" : "refused");
+      const { ok, text } = await fetched("controller.yaml", { method: "POST", body: await file.text() });
+      say(at("controller-said"), text, ok ? "" : "refused");
       at("load-controller").value = "";
     };
   }
@@ -54,6 +55,7 @@ class Curve {
         const input = make("input", { type: "text", inputmode: "decimal", "aria-label": `output ${output}, P${k + 1}, ${unit}` });
         input.onchange = () => {
           const value = Number(input.value.replace(",", "."));
+          if (!this.had.times || !this.had.currents) return; // the rig has not told its values yet
           if (input.value.trim() === "" || !Number.isFinite(value)) return say(this.said, `P${k + 1}: '${input.value}' is no number`, "refused");
           this.want()[column][k] = value / factor;
           this.give();
@@ -67,7 +69,7 @@ class Curve {
 
   take(column, values) {
     this.had[column] = values;
-    if (!this.dragged) this.wanted = null;
+    if (!this.dragged && !this.ordering) this.wanted = null;
     if (this.had.times && this.had.currents) this.show();
   }
 
@@ -75,13 +77,26 @@ class Curve {
     return (this.wanted ??= { times: [...this.had.times], currents: [...this.had.currents] });
   }
 
+  // Orders what is wanted; while an order waits, what is wanted meanwhile is ordered behind it, the newest only.
   async give() {
-    const sent = this.wanted;
-    for (const column of ["times", "currents"]) sent[column] = sent[column].map((value) => Math.round(value * 1e3) / 1e3); // ms and mA
     this.show();
-    await order(this.link, this.said, "profile", { key: this.key, ...sent }, { quiet: true });
-    if (this.wanted === sent && !this.dragged) this.wanted = null;
-    this.show();
+    this.again = true;
+    if (this.ordering) return;
+    this.ordering = true;
+    let good = false;
+    while (this.again && this.wanted && !this.dragged) {
+      this.again = false;
+      for (const column of ["times", "currents"]) this.wanted[column] = this.wanted[column].map((value) => Math.round(value * 1e3) / 1e3); // ms and mA
+      good = await order(this.link, this.said, "profile", { key: this.key, ...this.wanted }, { quiet: true });
+    }
+    this.ordering = false;
+    clearTimeout(this.soon);
+    const held = () => {
+      if (!this.ordering && !this.dragged) this.wanted = null;
+      this.show();
+    };
+    if (good) this.soon = setTimeout(held, SOON); // what the rig has comes behind its answer
+    else held();
   }
 
   // Time axes: P1 to P3 at the left, P4 to P6 at the right, each as long as what lies in it.
