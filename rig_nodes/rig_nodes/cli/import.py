@@ -84,7 +84,7 @@ def main(args: argparse.Namespace) -> int:
     if found is None:
         return _propose(args, rig)
     folder = run_folder(args.out, sequence_name(Path(args.file)))
-    part = folder.with_name(f".{folder.name}.part")
+    part = folder.with_name(f".{folder.name}.{os.getpid()}")
     with unless_empty(folder):
         try:
             report = imported(found, part, Path(args.file))

@@ -103,7 +103,7 @@ def main(args: argparse.Namespace) -> int:
     """Run the members that are not finished yet and print the results; return 1 when none was completed."""
     from ..base import RigError, ended_by, quoted
     from ..rig import load_rig
-    from ..runs import free_folder, start_server
+    from ..runs import run_folder, start_server, unless_empty
 
     if args.jobs < 1:
         raise RigError(f"--jobs is {args.jobs}, expected at least 1")
@@ -120,7 +120,7 @@ def main(args: argparse.Namespace) -> int:
     from ..studies import RESULTS, parquet
 
     parquet()
-    folder = folder or (free_folder(plan.name) if args.out is None else Path(args.out))
+    folder = folder or (run_folder(None, plan.name) if args.out is None else Path(args.out))
     config, start = load_rig(plan.rig, plan.fixed), time.monotonic()
     line: ProgressLine | None = None
     failed = 0
@@ -138,7 +138,8 @@ def main(args: argparse.Namespace) -> int:
 
         return progress
 
-    found = run_plan(plan, folder, bags, args.jobs, args.dask, watch)
+    with unless_empty(folder):
+        found = run_plan(plan, folder, bags, args.jobs, args.dask, watch)
     interrupted = ended_by(found.interrupted) if found.interrupted else None  # reason of the end, exit code
     if interrupted and line:
         line.leave()

@@ -102,20 +102,21 @@ def main(args: argparse.Namespace) -> int:
     """Search, judge, write the controllers and print the front; RigError when tuning is not possible."""
     from ..api import load, tune
     from ..base import ended_by, quoted
-    from ..runs import free_folder, pairs, parse_settings
+    from ..runs import pairs, parse_settings, run_folder, unless_empty
     from ..studies import tuning_text
 
-    folder = free_folder("tune") if args.out is None else Path(args.out)
+    folder = run_folder(None, "tune") if args.out is None else Path(args.out)
     objectives, line = args.objectives.split(","), ProgressLine(1.0)
     try:
-        _, summary, _ = tune(
-            load(args.rig, **parse_settings(args.settings)),
-            folder,
-            **{name: getattr(args, name) for name in OF_A_TUNING},
-            objectives=objectives,
-            bounds=pairs("--bound", args.bounds, 'NAME=VALUE, e.g. peak="300 Nm"'),
-            watch=line.show,
-        )
+        with unless_empty(folder):
+            _, summary, _ = tune(
+                load(args.rig, **parse_settings(args.settings)),
+                folder,
+                **{name: getattr(args, name) for name in OF_A_TUNING},
+                objectives=objectives,
+                bounds=pairs("--bound", args.bounds, 'NAME=VALUE, e.g. peak="300 Nm"'),
+                watch=line.show,
+            )
     except KeyboardInterrupt as stop:
         line.leave()
         what, code = ended_by(stop)

@@ -12,7 +12,7 @@ from .conformance import Check as Check
 from .cuts import topic_of as topic_of
 from .fmu.build import build_controller_fmu as build_controller_fmu, build_rig_fmu as build_rig_fmu
 from .fault_check import check_under_faults as check_under_faults
-from .folders import free_folder as free_folder, pairs as pairs, parse_parameters as parse_parameters, parse_settings as parse_settings, run_folder as run_folder, unless_empty as unless_empty
+from .folders import pairs as pairs, parse_parameters as parse_parameters, parse_settings as parse_settings, run_folder as run_folder, unless_empty as unless_empty
 from .moments import Present as Present
 from .outputs import Outputs as Outputs, SCALAR_SAMPLES as SCALAR_SAMPLES
 from .plan import plan_of as plan_of

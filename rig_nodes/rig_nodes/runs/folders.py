@@ -8,6 +8,7 @@ The commands that run something and the processes of the nodes use it.
 
 from __future__ import annotations
 
+import os
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,10 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-def free_folder(name: str) -> Path:
+def _free_folder(name: str) -> Path:
     """Return the next runs/<name>-<n> that does not exist; it is not made."""
     number = 1
-    while (folder := Path("runs") / f"{name}-{number}").exists():
+    while os.path.lexists(folder := Path("runs") / f"{name}-{number}"):
         number += 1
     return folder
 
@@ -46,14 +47,20 @@ def run_folder(out: str | None, name: str) -> Path:
     RigError
         When the folder is not empty or cannot be made.
     """
-    folder = free_folder(name) if out is None else Path(out)
+    folder = _free_folder(name) if out is None else Path(out)
     try:
-        if out is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            raise RigError(f"{folder}: it exists and is not an empty folder; choose a new name")
-        folder.mkdir(parents=True, exist_ok=True)
+        while True:
+            try:
+                folder.mkdir(parents=True)
+            except FileExistsError:
+                if out is None and os.path.lexists(folder):  # a run that was started at the same time has taken it
+                    folder = _free_folder(name)
+                    continue
+                if not folder.is_dir() or any(folder.iterdir()):
+                    raise RigError(f"{folder}: it exists and is not an empty folder; choose a new name") from None
+            return folder
     except OSError as error:
         raise RigError(f"{folder}: cannot be made ({error.strerror}); choose another place") from None
-    return folder
 
 
 @contextmanager
@@ -62,9 +69,9 @@ def unless_empty(folder: Path) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        if {path.name for path in folder.iterdir()} == {RUN_FILE}:
-            (folder / RUN_FILE).unlink()
         with suppress(OSError):  # one that is not empty stays
+            if {path.name for path in folder.iterdir()} == {RUN_FILE}:
+                (folder / RUN_FILE).unlink()
             folder.rmdir()
         raise
 
