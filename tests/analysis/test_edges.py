@@ -33,6 +33,14 @@ def test_a_ramp_that_soon_slows_starts_where_it_starts(noise):
     assert found([(0, 0.0), (40, 0.08), (1040, 0.18)], noise) == pytest.approx(START, abs=15)
 
 
+def test_lost_rows_stay_lost_and_spoil_no_others():
+    x = np.linspace(0.0, 1.0, 100)
+    x[40:45] = np.nan
+    smooth = running_mean(x, 11)
+    assert np.array_equal(np.isnan(smooth), np.isnan(x))
+    assert np.array_equal(smooth[:40], running_mean(x[:40], 11)) and np.array_equal(smooth[45:], running_mean(x[45:], 11))
+
+
 def test_width_does_not_hang_on_the_last_bit_of_the_period():
     assert {odd_width(5e-3, 1e-4 * (1.0 + e)) for e in (-1e-12, 0.0, 1e-12)} == {49}
     assert odd_width(1e-9, 1e-4) == 1

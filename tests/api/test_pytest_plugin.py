@@ -9,12 +9,15 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
+import numpy.fft  # what an inner run loads of numpy as the first could not be loaded again by the next one
 import pytest
 
 import rig_nodes
 from rig_nodes import assert_events, assert_never, assert_shift, assert_stays
+from rig_nodes.api.signals import Signal
 from rig_nodes.base import RigError
 
 pytest_plugins = ["pytester"]
@@ -221,6 +224,13 @@ def test_events_are_looked_for_in_their_order(demo):
 def test_an_event_that_must_not_come_is_said_with_its_time(demo):
     assert_never(demo, "rig_tripped")
     assert failure(assert_never, demo, "sequence_done").startswith("sequence_done at 13.295 s, which must not come: sequence demo")
+
+
+def test_a_signal_whose_values_were_lost_is_not_within_its_bounds(demo):
+    known = demo.signals["M_wej"]
+    lost = Signal(numpy.full(len(known), numpy.nan), known.time, known.name, known.unit, known.text)
+    with pytest.raises(RigError, match="M_wej has no values from 0 to 5 s"):
+        assert_stays(SimpleNamespace(signals={"M_wej": lost}), "M_wej", below="1 Nm", start=0.0, end=5.0)
 
 
 def test_a_signal_beyond_its_bound_is_said_with_its_worst_value_time_and_shift(demo):

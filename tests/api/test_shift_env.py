@@ -154,6 +154,14 @@ def test_a_limit_of_ones_own_ends_the_episode():
     assert terminated and reward == -10.0 and "M_wej is" in info["reason"] and "beyond its limit" in info["reason"]
 
 
+@pytest.mark.parametrize("most, ended", [(250.0, True), (280.0, False)])
+def test_a_peak_within_a_step_is_beyond_the_limit_too(most, ended):
+    env = gymnasium.make(NAME, actions="profile", limits={"M_wej": (-500.0, most)})
+    env.reset(seed=1)
+    _, _, _, _, info = env.step(env.unwrapped.own_profile())  # highest 266 Nm, at its end below 100
+    assert ("beyond its limit" in info.get("reason", "")) == ended
+
+
 @pytest.mark.parametrize(
     "options,sentence",
     [

@@ -295,6 +295,10 @@ def test_what_cannot_be_validated_or_calibrated_is_refused_in_a_sentence(call, s
         ({"generations": 0.5}, "generations is 0.5, expected a whole number of at least 1"),
         ({"spreads": "none.json"}, "none.json: holds no spreads"),
         ({"rig": "ural2"}, "tune is for a rig with gears and a shift controller"),
+        (
+            {"rig": "hydmag_engine"},
+            "sets the load in steps by a load pump's relief valve, and rig 'hydmag_engine' has another load",
+        ),
         ({"folder": None}, "folder is None, expected a path"),
     ],
 )

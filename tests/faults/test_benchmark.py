@@ -13,6 +13,7 @@ from rig_nodes.cli.faults import detector_of
 from rig_nodes.cli.main import main
 from rig_nodes.plant.faults.fault import faults
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig.faults import faults_of
 from rig_nodes.runs.workers import Workers
 from rig_nodes.studies.faults.baseline import Alarm, Baseline, residuals
 from rig_nodes.studies.faults.cases import Case, cases_of, course_of
@@ -24,6 +25,7 @@ ILL = ("valve_zr_p2.coil_open", "p2.stuck", "load_pump.chattering", "oil_supply.
 
 def test_the_runs_of_a_seed_are_the_same_for_everybody_and_have_every_fault_in_every_size():
     cases = cases_of(CONFIG, 1, 10, 1)
+    assert {one.size for one in cases if one.fault and not faults_of(CONFIG)[one.fault].fault.size} == {1.0}
     assert cases == cases_of(CONFIG, 1, 10, 1) and not {one.seed for one in cases} & {
         one.seed for one in cases_of(CONFIG, 2, 10, 1)
     }

@@ -100,6 +100,8 @@ def test_a_file(tmp_path):
         ({"alfa46.output_1.P1.current": "700 mA, 900 mA"}, {}, "outside 0 to 800 mA"),
         ({"alfa46.t12": "1 ms, 2 ms"}, {"fixed": {"alfa46.t12": "3 ms"}}, "it is set for all members too"),
         ({}, {}, "needs something to vary"),
+        ({"seed": "1, 2"}, {"repeats": 3}, "repeats would be the same run again; leave them out"),
+        ({"seed": "1 .. 3 in 5"}, {}, "'in 5' makes 1, 2, 2, 2, 3: the same value more than once"),
     ],
 )
 def test_refused(vary, options, sentence):

@@ -130,6 +130,11 @@ def test_what_cannot_be_taken_is_not_compared_with_the_reason(folder):
         ("    gear: 2\n", "    from: 2 s\n    to: 1 s\n", "not before to, which is 1 s"),
         ("low: 1.59 -", "low: 1.62 -", "ratio.low is 1.62 -, above high, which is 1.61 -"),
         ("low: 1.59 -", "low: 1.59", "ratio.low is 1.59, expected a number with its unit"),
+        (
+            ROW[ROW.index("role:") :],
+            ROW[ROW.index("role:") :].replace("predict", "calibrate").replace("1.59 -", "1.6 -").replace("1.61 -", "1.6 -"),
+            "ratio.low is 1.6 - as high is; a row to calibrate by has a width",
+        ),
         ("high: 1.61 -", "high: 1.61 rpm", "expected a ratio"),
         ("role: predict", "role: guess", "expected calibrate, predict or contradiction"),
         ("sequence: demo", "sequence: damo", "did you mean 'demo'"),

@@ -16,7 +16,7 @@ from rig_nodes.api.table import Table
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.view import draw_figure, figures_of_campaign, read_campaign
+from rig_nodes.view import draw, draw_figure, figures_of_campaign, read_campaign
 from rig_nodes.view.figure import POINTS, SOLID
 
 from ..labels import hidden
@@ -105,3 +105,11 @@ def test_a_folder_of_runs_is_drawn_by_report_and_view_says_so(tmp_path, capsys):
     assert f"is a folder of runs; their figures are made by ./rig report {folder} --html FILE" in capsys.readouterr().err
     with pytest.raises(RigError, match="this table has no figure; that of rig_nodes.sweep has one"):
         Table({"t_c_s": "s"}, [{"t_c_s": 0.5}]).plot()
+
+
+@pytest.mark.parametrize(
+    "ends", [(15.0, 60.0), (40.0, 60.0), (3.3, 30.0), (15.0, 150.0), (21.0, 420.0), (60.0, 1790.0), (2.0, 2100.0), (2.0, 9e4)]
+)
+def test_a_log_axis_has_four_numbers_however_long_it_is(ends):
+    low, high = ends
+    assert sum(low <= one <= high for one in draw._log_locator(high / low).tick_values(low, high)) >= 4

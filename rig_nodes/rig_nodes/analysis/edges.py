@@ -40,6 +40,12 @@ def running_mean(x: np.ndarray, width: int) -> np.ndarray:
     (n,) array of float
         The filtered channel.
     """
+    known = np.isfinite(x)
+    if not known.all():  # rows that were lost: what lies between them is averaged by itself
+        out = np.full(x.size, np.nan)
+        for begin, end in np.flatnonzero(np.diff(known, prepend=False, append=False)).reshape(-1, 2):
+            out[begin:end] = running_mean(x[begin:end], width)
+        return out
     half = width // 2
     if half == 0 or x.size == 0:
         return np.array(x, dtype=float)

@@ -182,7 +182,7 @@ def assert_stays(
     """
     __tracebackhide__ = True
     values = run.signals[signal]
-    inside = values[(values.time >= start) & (values.time <= end)]
+    inside = values[(values.time >= start) & (values.time <= end) & ~np.isnan(np.asarray(values))]
     if not len(inside):
         raise RigError(f"{signal} has no values from {start:g} to {end:g} s")
     if below is None and above is None:

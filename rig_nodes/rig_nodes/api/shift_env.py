@@ -176,7 +176,9 @@ class ShiftEnv(gymnasium.Env):
         box, space = self.config.transmission, self.observation_space
         if limits is None:
             torque = self.transducers.index(box.input.torque)
-            limits = {box.output.speed: (STANDS, np.inf), box.input.torque: (float(space.low[torque]), float(space.high[torque]))}
+            # a transducer shows nothing beyond the ends of its range, so that it is at them where the torque is beyond
+            ends = np.nextafter((space.low[torque], space.high[torque]), (np.inf, -np.inf))
+            limits = {box.output.speed: (STANDS, np.inf), box.input.torque: (float(ends[0]), float(ends[1]))}
         self._lowest, self._highest = (np.full(len(self.transducers), end) for end in (-np.inf, np.inf))
         for name, ends in _mapping(limits, "limits", "the lowest and highest reading by the name of a transducer").items():
             if name not in self.transducers:
@@ -283,9 +285,9 @@ class ShiftEnv(gymnasium.Env):
             numbers = {name: round(value / UNIT) for name, value in zip(BOUNDS, values)}
             rig.set_controller(settings(self.config.alfa46, self._way, numbers, self.config.transmission))
             session.advance(self._window * SAMPLE)
-        seen = self._seen()
-        reward = self._weights.get(LOSS, 0.0) * self._lost(first)
-        if reason := self._beyond(seen):
+        seen, rows = self._seen(), self._rows(first)
+        reward = self._weights.get(LOSS, 0.0) * self._lost(rows)
+        if reason := self._beyond(rows):
             return seen, FAILED, True, False, {"reason": reason}
         if rig.sample < end:
             return seen, reward, False, False, {}
@@ -306,23 +308,27 @@ class ShiftEnv(gymnasium.Env):
         into, speed_in, out, speed_out = self._power
         return float(rows[:, into] @ rows[:, speed_in] - rows[:, out] @ rows[:, speed_out])
 
-    def _lost(self, first: int) -> float:
-        """Return the energy lost since a sample beyond what the gear lost before the order [J], by the rows of the logger."""
+    def _rows(self, first: int) -> np.ndarray:
+        """Return the logger's rows (rows, channels) since a sample."""
         rig = self.session.rig
         begin = first * rig.rows_per_sample
-        count = rig.sample * rig.rows_per_sample - begin
-        return (self._net(rig.rows_in_ring(rig.row_period, begin, count)) - count * self._held) * rig.row_period
+        return rig.rows_in_ring(rig.row_period, begin, rig.sample * rig.rows_per_sample - begin)
 
-    def _beyond(self, seen: np.ndarray) -> str:
-        """Return why the episode ends before its time; empty when it goes on."""
+    def _lost(self, rows: np.ndarray) -> float:
+        """Return the energy lost in rows beyond what the gear lost before the order [J]."""
+        return (self._net(rows) - len(rows) * self._held) * self.session.rig.row_period
+
+    def _beyond(self, rows: np.ndarray) -> str:
+        """Return why the episode ends before its time, by all that the transducers have shown in a step; empty when it goes on."""
         if self.session.rig.safe:
             return f"the rig tripped: {self.session.reason}"
-        beyond = (seen < self._lowest) | (seen > self._highest)
+        shown = rows[:, self._columns]
+        beyond = (shown < self._lowest) | (shown > self._highest)
         if not beyond.any():
             return ""
-        name = self.transducers[int(beyond.argmax())]
-        signal = self.config.catalogue.signal(name)
-        return f"{name} is {signal.shown(self.session.read(name)):.4g} {signal.display_unit}, beyond its limit"
+        row, place = np.unravel_index(int(beyond.argmax()), beyond.shape)
+        signal = self.config.catalogue.signal(self.transducers[place])
+        return f"{signal.name} is {signal.shown(float(shown[row, place])):.4g} {signal.display_unit}, beyond its limit"
 
     def _metrics(self) -> dict[str, Any]:
         rig, box = self.session.rig, self.config.transmission

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..base import RigError, brief, quantity, unknown
+from ..plant import LoadConfig
+from ..plant import part as parts
 from ..rig import check_gearbox
 from ..runs import Workers
 from ..studies import (
@@ -157,6 +159,8 @@ def tune(
         raise RigError("rig tune searches on a whole rig; give it one without source: topic")
     if config.prescribed:
         raise RigError(f"rig '{config.name}' has prescribed pressures, which no setting of the controller changes")
+    if not isinstance(config.values(config.structure.of_role(parts.LOAD)[0].name), LoadConfig):
+        raise RigError(f"rig tune sets the load in steps by a load pump's relief valve, and rig '{config.name}' has another load")
     most, temperatures = _bounds(bounds or {}), _range("oil", oil, "temperature")
     calibration, begin = calibration_for(used.source, config), read_beginnings(used.source, config.transmission)
     known = {} if spreads is None else read_spreads(path_of("spreads", spreads), calibration)
@@ -217,6 +221,8 @@ def _objectives(names: list[str]) -> tuple[str, ...]:
 def _ranges(config: RigConfig, wanted: list[str], given: list[tuple[str, Limits]]) -> dict[str, Range]:
     """Return the operating range of each wanted way, of all for none, from the speeds and the loads up and down."""
     ways = config.transmission.ways()
+    if not ways:
+        raise RigError(f"'{config.name}' has one gear only, and what is tuned are changes between gears")
     for way in wanted:
         if way not in ways:
             raise RigError(f"ways: {unknown('way', way, ways)}")

@@ -22,7 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FixedFormatter, FixedLocator, LogLocator, MaxNLocator, StrMethodFormatter
+from matplotlib.ticker import FixedFormatter, FixedLocator, Locator, LogLocator, MaxNLocator, StrMethodFormatter
 
 from ..analysis import INTERRUPTED
 from ..base import MAKER, atomic_write
@@ -56,6 +56,10 @@ NEXT = 17  # pixels between two signs in the strip
 WIDE = "\u00a0 \u00a0 "  # between two texts of a line, where it may be broken; a page shows several spaces as one
 COARSE = 0.4  # pixels by which a curve of a page may be moved to need fewer points
 NUMBER, RESULT = 125, 56  # width and height of a number at the foot
+
+
+# steps of the numbers of a log axis, by the ratio of its ends below which they are used
+LOG_SUBS = ((10.0, tuple(map(float, range(1, 10)))), (30.0, (1.0, 2.0, 3.0, 5.0, 7.0)), (1e3, (1.0, 2.0, 5.0)), (1e5, (1.0, 3.0)))
 
 
 class Picture(Figure):
@@ -464,12 +468,20 @@ def _scale(axes: Axes, panel: Panel, column: Column, width: float) -> None:
             axis.set_major_formatter(FixedFormatter(column.names))
         elif log:
             scale("log")
-            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if ends[1] < 1e3 * ends[0] else (1.0,), numticks=12))
+            axis.set_major_locator(_log_locator(ends[1] / ends[0]))
             axis.set_major_formatter(StrMethodFormatter("{x:g}"))
             axis.minorticks_off()
         else:
             axis.set_major_locator(MaxNLocator(nbins=most, min_n_ticks=4, steps=[1, 2, 2.5, 5, 10]))
         limits(*ends)
+
+
+def _log_locator(ratio: float) -> Locator:
+    """Return where the numbers of a log axis stand whose ends have this ratio: at least four of them."""
+    if ratio < 5.0:
+        return MaxNLocator(nbins=6, min_n_ticks=4, steps=[1, 2, 2.5, 5, 10])
+    subs = next((subs for most, subs in LOG_SUBS if ratio < most), (1.0,))
+    return LogLocator(subs=subs, numticks=12)
 
 
 def _range_of(panel: Panel) -> tuple[float, float]:

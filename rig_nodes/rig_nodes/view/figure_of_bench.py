@@ -15,7 +15,7 @@ import numpy as np
 from ..plant import part as parts
 from .figure import DASHED, POINTS, SOLID, Column, Curve, Description, Panel
 from .palette import CLUTCHES, INPUT, OTHER
-from .recorded import envelopes_of
+from .recorded import envelopes_of, samples_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -84,8 +84,10 @@ def figure_of_bench(report: Mapping, pages: Pages, path: str | Path) -> Descript
 def _measured(pages: Pages, path: str | Path, report: Mapping, shows: tuple[str, str]) -> list[Curve]:
     """Return the measured force over travel or pressure."""
     names = [name for one in shows for name in pages.measured(one)[:1]]
-    end = report["run"].get("duration_s") or 1e9
-    found = envelopes_of(path, pages, names, (0.0, end)) if len(names) == 2 else {}
+    end = report["run"].get("duration_s")
+    if end is None:  # of a bag alone, beside which no report lies
+        end = max((float(t[-1]) for _, t, _ in samples_of(path, pages, names) if len(t)), default=0.0)
+    found = envelopes_of(path, pages, names, (0.0, end)) if len(names) == 2 and end > 0.0 else {}
     if len(found) < 2:
         return []
     x, y = (found[name].middle for name in names)

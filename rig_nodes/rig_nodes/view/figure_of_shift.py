@@ -391,10 +391,10 @@ class _Shift:
 
     def overshoot(self, curve: Curve, full: float) -> Ring | None:
         """Return the peak of a pressure above the one that a clutch had before the order, and above its own in the end."""
-        inside = np.flatnonzero((curve.t >= 0.0) & (curve.t <= self.end))
+        inside = np.flatnonzero((curve.t >= 0.0) & (curve.t <= self.end) & np.isfinite(curve.y))
         if not len(inside):
             return None
-        at = inside[int(np.nanargmax(curve.y[inside]))]
+        at = inside[int(np.argmax(curve.y[inside]))]
         if not curve.y[at] > OVERSHOOT * np.fmax(full, self.level(curve, self.end)):
             return None
         return Ring(float(curve.t[at]), float(curve.y[at]), f"{curve.signal} overshoots to {curve.y[at]:.2f} MPa", curve.colour)
@@ -474,10 +474,10 @@ class _Shift:
         """
         if since is None:
             end = last or self.row.get("course_s") or 1e-3 * self.end
-            inside = np.flatnonzero((curve.t >= -GRID) & (curve.t <= 1e3 * end + GRID))
+            inside = np.flatnonzero((curve.t >= -GRID) & (curve.t <= 1e3 * end + GRID) & np.isfinite(curve.y))
             if not len(inside):
                 return None
-            at = inside[int(np.nanargmin(np.abs(np.abs(curve.y[inside]) - abs(value))))]
+            at = inside[int(np.argmin(np.abs(np.abs(curve.y[inside]) - abs(value))))]
             if abs(abs(curve.y[at]) - abs(value)) > NEAR * max(abs(value), 1.0):
                 return None
             since, value = 1e-3 * float(curve.t[at]), float(curve.y[at])

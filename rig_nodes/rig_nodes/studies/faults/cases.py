@@ -115,7 +115,8 @@ def cases_of(config: RigConfig, seed: int, healthy: int, repeats: int, sizes: Se
     known = faults_of(config)
     for one in known.values():
         if not one.lacking and one.fault.part != MESSAGES:
-            wanted += [(one.name, size) for size in (sizes if one.fault.size else sizes[:1]) for _ in range(repeats)]
+            # one without a size is always as bad as usual
+            wanted += [(one.name, size) for size in (sizes if one.fault.size else (1.0,)) for _ in range(repeats)]
     out = []
     for number, (fault, size) in enumerate(wanted):
         drawn = [uniform(seed, DRAWS + k, number) for k in range(5)]

@@ -14,6 +14,7 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 from ...base import RigError, optional
+from ...runs import Lost
 
 if TYPE_CHECKING:
     from dask.distributed import Client, Future
@@ -65,7 +66,7 @@ def dask_stream(address: str) -> Iterator[Callable]:
 
 def _stream(client: Client, function: Callable, items: Iterable) -> Iterator[tuple[int, dict | None, Exception | None]]:
     """Yield (place, result, error) of each item as it finishes; only some items are submitted at a time."""
-    from dask.distributed import as_completed
+    from dask.distributed import KilledWorker, as_completed
 
     numbered = enumerate(items)
     places = {}
@@ -85,5 +86,8 @@ def _stream(client: Client, function: Callable, items: Iterable) -> Iterator[tup
         if error is None:
             yield place, future.result(), None
         else:
-            yield place, None, error if isinstance(error, RigError) else RuntimeError(str(error) or repr(error))
+            text = str(error) or repr(error)
+            if isinstance(error, (KilledWorker, MemoryError)):  # of a process, not of the run: another attempt may succeed
+                error = Lost(text)
+            yield place, None, error if isinstance(error, RigError) else RuntimeError(text)
         future.release()

@@ -335,6 +335,8 @@ def make_plan(draft: Plan, vary: dict, wheres: dict[str, str] | None = None) -> 
         value = getattr(draft, name)
         if value is not None and not low <= value <= high:
             raise RigError(f"{name} is {value}, expected {low} to {high}")
+    if draft.repeats > 1 and any(one.name == SEED for one in varied):
+        raise RigError("a varied seed is the noise of a run, so that repeats would be the same run again; leave them out")
     _check_method(method, draft.samples, varied, wheres or {})
     names = {"sequence": _place(draft.sequence), "rig": _place(draft.rig)}
     plan = replace(draft, **names, method=method, samples=draft.samples or 0, varied=tuple(varied))
@@ -468,6 +470,8 @@ def _range(name: str, of: str, dimension: str, match: re.Match[str], where: str,
             raise RigError(f"{where}: 'in {number}': expected 2 to {MOST_MEMBERS} values")
         values = [one.at(k / (number - 1)) for k in range(number)]
         values = values if unit == "" else [float(f"{value:.12g}") for value in values]
+        if len(set(values)) < number:
+            raise RigError(f"{where}: 'in {number}' makes {', '.join(map(str, values[:6]))}: the same value more than once")
     return Varied(name, of, unit, tuple(values))
 
 

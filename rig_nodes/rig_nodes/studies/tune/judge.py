@@ -14,6 +14,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ...analysis import shifts
+from ...base import RigError
 from ...rig import Alfa46Config, RigConfig
 from ...runs import Workers, load_sequence, record
 from .bench import RPM, Bench, Point, Shift
@@ -153,6 +154,15 @@ def _verdict(task: Task, rigs: list[list[tuple[Shift, Shift]]]) -> Verdict:
         max((shift.number("peak") for shift, _ in every if shift.valid), default=float("nan")),
         max((compared.peak for _, compared in every), default=float("nan")),
     )
+
+
+def is_measurable(config: RigConfig) -> bool:
+    """Return whether the sequence of :func:`as_measured` is of this rig's signals and devices."""
+    try:
+        load_sequence("grid_point").check_rig(config)
+    except RigError:
+        return False
+    return True
 
 
 def as_measured(

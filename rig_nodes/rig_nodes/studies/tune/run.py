@@ -492,7 +492,12 @@ def _verdict(tasks: dict[str, Task], controllers: dict[str, Alfa46Config], worke
 
 
 def _measured(problem: Problem, controllers: dict[str, Alfa46Config], workers: Workers) -> list[dict]:
-    """Measure some shifts through sequence, transducers and logger, with the compared settings and with the balanced ones."""
+    """Measure some shifts through sequence, transducers and logger, with the compared settings and with the balanced ones.
+
+    None where the laboratory's sequence is not of the rig.
+    """
+    if not judge.is_measurable(problem.config):
+        return []
     both = {"compared": problem.config.alfa46, "balanced": controllers["balanced"]}
     points = []
     for way, where in problem.ranges.items():
@@ -534,7 +539,8 @@ def tuning_text(summary: dict, objectives: Sequence[str]) -> str:
     for number, verdict in enumerate(summary["verdicts"], 1):
         for name, ways in verdict.items():
             lines += [f"  draw {number}: {name:<9} {way:<5} {_verdict_text(one)}" for way, one in ways.items()]
-    lines.append("as measured on the rig itself (sequence grid_point): compared, then balanced")
+    if summary["measured"]:
+        lines.append("as measured on the rig itself (sequence grid_point): compared, then balanced")
     for row in summary["measured"]:
         lines.append(f"  {row['point']:<22} {_cell(row['compared'])}  |  {_cell(row['balanced'])}")
     for one in summary.get("largest_load", {}).get("speeds", []):
