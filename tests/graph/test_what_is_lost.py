@@ -22,8 +22,6 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.nodes.processes.result import facts_of, what_was_lost
 
-CONNECTED = "all nodes are connected"
-
 
 def part_of(folder) -> dict:
     return json.loads((folder / "report.json").read_text())["run"]
@@ -76,14 +74,16 @@ def check_tripped(run, reason):
     assert code == 1, output
     assert (end["state"], end["trip"]) == ("tripped", "stood_still") and reason in end["reason"], end
     assert Bag(run.folder).end == end
+    return output
 
 
 @pytest.mark.against_the_clock
-def test_a_recorder_that_stands_still_trips_the_rig_within_a_second_or_so(tmp_path):
+@pytest.mark.parametrize("process", ["recorder", "sequencer"])
+def test_a_process_that_stands_still_trips_the_rig_within_a_second_or_so(tmp_path, process):
     run = RigRun(tmp_path / "run")
-    run.until(CONNECTED)
-    stop_for(Traces(run).children["recorder"], 2.5)
-    check_tripped(run, "the recorder stands still for 1.")
+    run.until("shift to I")
+    stop_for(Traces(run).children[process], 2.5)
+    check_tripped(run, f"the {process} stands still for 1.")
 
 
 @pytest.mark.against_the_clock
@@ -91,7 +91,7 @@ def test_a_rig_that_stood_still_trips(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until("shift to I")
     stop_for(Traces(run).children["container"], 1.5)
-    check_tripped(run, "the rig stood still for 1.")
+    assert "the container stands still for 1." in check_tripped(run, "the rig stood still for 1.")
 
 
 @pytest.mark.against_the_clock

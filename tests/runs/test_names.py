@@ -5,8 +5,10 @@
 
 import pytest
 
+from rig_nodes.base.errors import RigError
 from rig_nodes.base.names import unknown
 from rig_nodes.cli.main import main
+from rig_nodes.runs.sequence import load_sequence
 
 TOPICS = ("/motor/m_wej", "/motor/state", "/gearbox/state")
 
@@ -54,3 +56,9 @@ def test_every_name_on_the_command_line_is_answered_with_the_one_meant(command, 
     assert main(command.split()) == 2
     error = capsys.readouterr().err
     assert f"did you mean '{meant}'" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "demo\nsteps: []"])
+def test_a_name_that_no_file_can_have_is_unknown(name):
+    with pytest.raises(RigError, match="there is no sequence"):
+        load_sequence(name, default="hydmag")

@@ -368,6 +368,15 @@ def test_refused_commands_are_one_event_per_reason_and_second_however_they_mix(t
     ], "each reason is one line on the terminal"
 
 
+def test_urgent_calls_come_before_the_others_and_in_their_own_order():
+    commands, done = Commands(FakeOutputs()), []
+    commands.put("/motor/command", done.append, "speed")
+    commands.put_first("/rig/reset", lambda: done.append("reset"))
+    commands.put_first("/rig/e_stop", lambda: done.append("e_stop"))
+    commands.apply()
+    assert done == ["reset", "e_stop", "speed"], "an emergency stop behind a reset holds"
+
+
 HOSTILE = "\x1b[2J\x9b31m\u202e\r\nrig: all is well"
 
 

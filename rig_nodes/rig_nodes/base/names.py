@@ -231,10 +231,10 @@ def find_of_rigs(kind: str, name: str | Path, *rigs: str | Path | None) -> Path:
         return find_config(kind, name)
     own = [path.parent for rig in rigs if rig is not None for path, _ in with_bases(rig)]
     for folder in own:
-        if (path := folder / kind / f"{text}.yaml").is_file():
+        if os.path.isfile(path := folder / kind / f"{text}.yaml"):  # false for a name that no file can have
             return path
     others = rig_folders().values()
-    found = [path for folder in others if (path := folder / kind / f"{text}.yaml").is_file()]
+    found = [path for folder in others if os.path.isfile(path := folder / kind / f"{text}.yaml")]
     if len(found) > 1:
         having = ", ".join(path.parent.parent.name for path in found)
         raise RigError(f"several rigs have a {kind[:-1]} {brief(text)}: {having}; name the rig (or a .yaml file)")

@@ -134,9 +134,9 @@ def run(args: argparse.Namespace) -> int:
         supervisor = Supervisor(order, folder, domain, show)
         with live_view(domain.number) if args.view else contextlib.nullcontext():
             end = supervisor.run()
-        # all processes have ended and the bag is complete; a late signal must not prevent the report
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
+            # all processes have ended and the bag is complete; a late signal must not prevent the report
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, signal.SIG_IGN)
         record = run_record(config, sequence, args.seed, args.delay)
         code = finish(folder, record, end, supervisor.restarts, args.strict, args.allow_loss)  # `rig stop` waits for it
     return code if end.by == 0 else 128 + end.by

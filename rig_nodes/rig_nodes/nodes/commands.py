@@ -48,6 +48,7 @@ class Commands:
         self.refused: Counter[str] = Counter()
         self._outputs = outputs
         self._queue: deque = deque()
+        self._urgent: deque = deque()  # what comes before all that waits there
         self._refusals: dict[tuple[str, str], Refusal] = {}
         self._came: Counter[str] = Counter()
 
@@ -61,8 +62,8 @@ class Commands:
         return all(self._came[topic] >= count for topic, count in counts.items())
 
     def put_first(self, topic: str, function: Callable[[], object]) -> None:
-        """Enqueue a call before all that wait."""
-        self._queue.appendleft((topic, function, ()))
+        """Enqueue a call before all that wait, but for those that were enqueued so before it."""
+        self._urgent.append((topic, function, ()))
 
     def refuse(self, topic: str, why: str) -> None:
         """Enqueue the refusal of something that arrived through ``topic``."""
@@ -74,8 +75,7 @@ class Commands:
 
     def apply(self) -> None:
         """Do what waits; the same refusal makes one event per second of simulated time, with the number of its occurrences."""
-        queue = self._queue
-        while queue:
+        while queue := self._urgent or self._queue:
             topic, function, arguments = queue.popleft()
             try:
                 function(*arguments)

@@ -135,7 +135,7 @@ class Lockstep:
         stopping: Callable[[], bool],
         cause: Callable[[], str],
     ) -> None:
-        self._cause = cause
+        self._cause, self._stopping = cause, stopping
         rig = outputs.rig
         self.rig, self.outputs, self.commands = rig, outputs, commands
         self.speed, self.overruns, self.real_time_priority = speed, 0, False
@@ -155,7 +155,7 @@ class Lockstep:
         rig = self.rig
         take_core(0)
         if self.controller is None or self.controller.wait():
-            self._needed = self._hear_sequencer(BEFORE_FIRST)["need"]
+            self._needed = (self._hear_sequencer(BEFORE_FIRST) or {"need": []})["need"]
         else:  # no step of the sequence will be done
             self._done = True
         gc.collect()
@@ -239,14 +239,16 @@ class Lockstep:
             return True
         return self._sequencer.receive_json(NOT_AT_ALL) is not None
 
-    def _hear_sequencer(self, seconds: float) -> dict:
-        """Return the sequencer's next answer; its earlier requests to be asked are dropped."""
-        answer = self._sequencer.receive_json(seconds)
-        while answer is not None and "wake" in answer:
-            answer = self._sequencer.receive_json(seconds)
-        if answer is None:
-            raise LinkClosed(f"the sequencer took more than {seconds:g} s for one tick")
-        return answer
+    def _hear_sequencer(self, seconds: float) -> dict | None:
+        """Return the sequencer's next answer, None when the run is to end; its earlier requests to be asked are dropped."""
+        until = time.monotonic() + seconds
+        while not self._stopping():
+            answer = self._sequencer.receive_json(LOOK_UP)
+            if answer is not None and "wake" not in answer:
+                return answer
+            if time.monotonic() > until:
+                raise LinkClosed(f"the sequencer took more than {seconds:g} s for one tick")
+        return None
 
     def _ask_sequencer(self) -> None:
         """Do one tick of the sequence; wait for what it has sent over DDS, so that it acts in this same tick."""
@@ -263,10 +265,12 @@ class Lockstep:
             }
         )
         reply = self._hear_sequencer(PATIENCE)
+        if reply is None:
+            return
         self._done, self._needed = reply["done"], reply["need"]
         self._next, self._watch = reply["next"], reply["watch"]
         deadline = time.monotonic() + PATIENCE
-        while not self.commands.have(reply["sent"]):
+        while not self.commands.have(reply["sent"]) and not self._stopping():
             if time.monotonic() > deadline:
                 raise LinkClosed("a setpoint of the sequencer did not arrive")
             time.sleep(2e-5)

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 FLUSH_PERIOD = 0.1  # s of messages that a killed recorder may lose
 WAITING = 200_000  # messages between callbacks and writer, about 40 s of the rig
+WAITING_BYTES = 256_000_000  # of messages there, and of those that come before the rig's time is known
 AHEAD_NS = 1_000_000_000  # ns that a stamp may be ahead of the rig's own time
 IDLE, IDLE_WITH_PUBLISHERS = 0.05, 1.0  # s without a message after which everything has arrived
 ORDER = 0.5  # s in which the supervisor's word on the end has come with its signal
@@ -119,6 +120,8 @@ class Recorder(Node):
         self.ahead: Counter[str] = Counter()  # messages whose stamps are not the rig's time
         self.failure: RigError | None = None
         self.longest_queue = 0
+        self._bytes_in, self._bytes_out = 0, 0  # of the queue's messages; each is counted by one thread only
+        self._early_bytes = 0
         self._queue: deque = deque()  # topic, type and bytes of messages; None, function and arguments of orders
         self._asked_paused = recording.paused
         self._closing = threading.Event()
@@ -142,7 +145,7 @@ class Recorder(Node):
             if topic.name in wanted and topic.name not in tapped
         }
         for name, data in early:
-            self._queue.append((name, self._types[name], data))
+            self._wait(name, self._types[name], data)
         self.received += len(early)
         self._thread.start()
         self.others = OtherTopics(self, self._own | dict.fromkeys(tapped), choice, self._enqueue_other)
@@ -213,29 +216,26 @@ class Recorder(Node):
 
     def _enqueue(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the callback of one topic."""
-        queue, name, ros_type = self._queue, topic.name, topic.ros_type
+        name, ros_type = topic.name, topic.ros_type
 
         def on_message(data: bytes) -> None:
             self.received += 1
-            if len(queue) < WAITING:
-                queue.append((name, ros_type, data))
-            else:
-                self.overflow[name] += 1
+            self._wait(name, ros_type, data)
 
         return on_message
+
+    def _wait(self, name: str, ros_type: str, data: bytes) -> None:
+        """Have a message wait for the writer, or count it as lost where there is no room."""
+        if len(self._queue) < WAITING and self._bytes_in - self._bytes_out < WAITING_BYTES:
+            self._bytes_in += len(data)
+            self._queue.append((name, ros_type, data))
+        else:
+            self.overflow[name] += 1
 
     def _enqueue_other(self, name: str, ros_type: str, qos: str) -> Callable[[bytes], None]:
         """Return the callback of one topic that does not belong to the rig."""
-        queue = self._queue
         self._others[name] = qos
-
-        def on_message(data: bytes) -> None:
-            if len(queue) < WAITING:
-                queue.append((name, ros_type, data))
-            else:
-                self.overflow[name] += 1
-
-        return on_message
+        return lambda data: self._wait(name, ros_type, data)
 
     def _write(self) -> None:
         """Write the queued messages into the bag, in the writer's thread, until the recorder is closed and the queue is empty."""
@@ -289,6 +289,7 @@ class Recorder(Node):
         if topic is None:
             ros_type(*data)
             return
+        self._bytes_out += len(data)
         if topic in self._others:
             self._store_at_its_coming(topic, ros_type, data, 0)
             return
@@ -313,7 +314,11 @@ class Recorder(Node):
         """Store a message without a stamp, or with one of another clock, as users may send it, at the time of its arrival."""
         now = self._newest
         if now is None:
-            self._early.append((topic, ros_type, data, stamp))
+            self._early_bytes += len(data)
+            if self._early_bytes < WAITING_BYTES:
+                self._early.append((topic, ros_type, data, stamp))
+            else:
+                self.overflow[topic] += 1
             return
         if not 0 <= stamp <= now + AHEAD_NS:
             self.ahead[topic] += 1

@@ -282,6 +282,7 @@ class Container:
             look_at = 0.0
             while thread.is_alive():
                 self.process.spin(0.05)
+                self.process.status("alive")
                 if time.monotonic() > look_at:
                     look_at = time.monotonic() + LOOK
                     self.look_for_clocks()

@@ -150,7 +150,7 @@ class Supervisor:
         self._others = 0  # DDS participants of other programs that were in the domain before this run
         self._unexplained = ""  # reason of the trip before the controller's plug told more
         self._awaited = ""  # sentence that no controller has come yet, as the alfa46 process reported last
-        self._recorded = 0.0  # time.monotonic() when the recorder last said that it goes on; 0 before, and after it stood still
+        self._alive: dict[str, float] = {}  # time.monotonic() when a process last said that it goes on, until it stands still
         self._unheard = False  # True: what is told can no longer be written
         self._end_at = math.inf
         self._lock = threading.RLock()  # protects the wake pipe; a second signal may interrupt the handler of the first
@@ -240,6 +240,7 @@ class Supervisor:
             name, f"rig_nodes.nodes.{MODULES[name]}", arguments, self.folder / "logs", environment(self.domain), links, life
         )
         self.children[name] = child
+        self._alive.pop(name, None)  # the one before it is gone
         return child
 
     def _links(self) -> dict[str, dict[str, socket.socket]]:
@@ -273,20 +274,30 @@ class Supervisor:
                         again = self._on_death(child)
                         if again is not None:
                             selector.register(again.line, selectors.EVENT_READ, again)
-                self._look_after_recorder()
+                self._look_after_processes()
 
-    def _look_after_recorder(self) -> None:
-        """Trip a rig in real time whose recorder stands still, because messages are lost soon; once until it goes on."""
-        still = time.monotonic() - self._recorded
-        if self.order.speed is not None or not self.running.is_set() or self._recorded == 0.0 or still < STANDS:
+    def _look_after_processes(self) -> None:
+        """Trip a rig in real time one of whose processes stands still; once until it goes on.
+
+        A container that stands still is named, and trips when it goes on. For a controller that does, the rig has a trip of its own.
+        """
+        if self.order.speed is not None or not self.running.is_set():
             return
-        self._recorded = 0.0
-        self.children["container"].send(trip=f"the recorder stands still for {still:.1f} s", name=STOOD_STILL)
+        for name, last in list(self._alive.items()):
+            still = time.monotonic() - last
+            if still < STANDS:
+                continue
+            del self._alive[name]
+            text = f"the {name} stands still for {still:.1f} s"
+            if name == "container":
+                self._tell(None, f"{text}; the rig neither moves nor answers until it goes on")
+            else:
+                self.children["container"].send(trip=text, name=STOOD_STILL)
 
     def _on_message(self, child: Child, message: dict) -> None:
         kind = message["kind"]
         if kind == "alive":
-            self._recorded = time.monotonic()
+            self._alive[child.name] = time.monotonic()
         elif kind == "running":
             self.running.set()
             self._tell(None, "all nodes are connected, time starts")
