@@ -353,6 +353,32 @@ def test_other_inputs_are_transducers_and_other_outputs_are_recorded(build, conf
     plug.close()
 
 
+ARRAYS = b"""
+    <Float64 name="gains" valueReference="901" causality="parameter" variability="tunable" start="1 2 3">
+      <Dimension start="3"/>
+    </Float64>
+    <Float64 name="shares" valueReference="902" causality="output" variability="continuous"><Dimension start="2"/></Float64>
+    <Float64 name="T_oil" valueReference="903" causality="input" start="0 0"><Dimension start="2"/></Float64>
+"""
+
+
+def test_arrays_of_fmi_3_are_left_alone_and_none_is_taken_for_a_number(build, config, tmp_path):
+    def with_arrays(name, data):
+        return name, data.replace(b"</ModelVariables>", ARRAYS + b"</ModelVariables>")
+
+    plug = load_controller(f"fmu:{changed(build(3), tmp_path / 'arrays.fmu', with_arrays)}", config)
+    assert (dict(plug.settings), dict(plug.signals), plug.wants) == ({}, {}, ())
+    assert ask(plug).command == (0.0, 0.0, 0.0)
+    plug.close()
+
+    def of_an_output(name, data):
+        one = rb'(<Float64 name="current_3"[^>]*)/>'
+        return name, re.sub(one, rb'\1><Dimension start="3"/></Float64>', data)
+
+    with pytest.raises(RigError, match="the FMU's variable current_3 is an array, expected a single number"):
+        load_controller(f"fmu:{changed(build(3), tmp_path / 'array.fmu', of_an_output)}", config)
+
+
 def test_an_fmu_that_does_not_say_its_level_is_taken_at_duty_with_a_word(build, config, tmp_path):
     """A tool that writes neither the parameter level nor units exports such an FMU: 0.74 A would be 74 %."""
     mute = tmp_path / "mute.fmu"

@@ -14,6 +14,7 @@ from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.simulation import simulate
 
 from .conftest import C_FRAME, PYTHON, ask
+from .test_own_process import framed
 
 COUNTING = """
 from rig_nodes.controllers import Status
@@ -121,3 +122,26 @@ def test_a_library_names_its_own_too(build, config):
 def test_names_without_values_are_refused(build, config):
     with pytest.raises(RigError, match="does not export rig_controller_signal_values"):
         load_controller(f"c:{build(C_SIGNALS)}", config)
+
+
+@pytest.mark.parametrize(
+    ("once", "twice", "sentence"),
+    [
+        ('{"M_wej", 0}', '{"M_wej", "M_wej", 0}', "wants has the name 'M_wej' twice, expected each name once"),
+        ('{"slip", 0}', '{"slip", "slip", 0}', "signals has the name 'slip' twice, expected each name once"),
+        ('{"gain", 1}', '{"gain", 1}, {"gain", 2}', "settings has the name 'gain' twice, expected each name once"),
+    ],
+)
+def test_a_name_that_a_library_gives_twice_is_refused(build, config, once, twice, sentence):
+    """It would get, or give, another number of values than the rig has names."""
+    text = framed("")
+    for name in ("WANTED", "SIGNALS", "SET"):
+        text = text.replace(f"{name} }}", "}")
+    load_controller(f"c:{build(text, '-w')}", config).close()
+    with pytest.raises(RigError, match=sentence):
+        load_controller(f"c:{build(text.replace(once, twice), '-w')}", config)
+
+
+def test_a_signal_that_a_class_names_twice_is_refused(python_controller):
+    with pytest.raises(RigError, match="signals has the name 'slip' twice, expected each name once"):
+        python_controller("return Out()", "signals = ('slip', 'slip')")

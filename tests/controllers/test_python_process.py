@@ -68,6 +68,8 @@ def failed(plug):
         ("os.execv('/bin/true', ['true'])", "the controller's process ended itself with exit code 0"),
         ("import ctypes; ctypes.string_at(8)", "the controller's process was ended by SIGSEGV (segmentation fault)"),
         ("os.kill(os.getpid(), signal.SIGTERM)", "the controller's process was ended by SIGTERM (terminated)"),
+        ("os.kill(os.getpid(), 35)", "the controller's process was ended by signal 35 (real-time signal 1)"),
+        ("os.kill(os.getpid(), 32)", "the controller's process was ended by signal 32"),
         ("os.killpg(0, signal.SIGKILL)", "the controller's process was ended by SIGKILL (killed)"),
         ("os.closerange(0, 256)", "the controller has closed or changed the rig's line to it"),
         (
@@ -203,6 +205,26 @@ def test_in_process_only_a_python_class_runs_and_a_debugger_has_the_terminal(con
     plug.close()
     with pytest.raises(RigError, match=r"only a Python class runs in the rig's process \(--in-process\)"):
         load_controller("alfa46@in-process@current", config)
+
+
+def test_in_process_the_time_of_a_step_is_no_limit_of_terminate(controller):
+    """Its step raises with most of its time left; by then the timer must be off, also for what terminate does."""
+    plug = controller(
+        in_process=True, step="raise ValueError('no')", terminate="self.left = signal.getitimer(signal.ITIMER_REAL)[0]"
+    )
+    plug.pace(1000.0)
+    for sample in range(3):
+        ask(plug, sample)
+    with pytest.raises(ControllerFailed, match="step failed: .*ValueError: no"):
+        ask(plug, 3)
+    assert plug._class.user.left == 0.0 and plug.end_fault == ""
+
+
+def test_in_process_an_alarm_of_the_class_itself_ends_its_terminate_and_not_the_rig(controller):
+    plug = controller(in_process=True, terminate="os.kill(os.getpid(), signal.SIGALRM)")
+    ask(plug)
+    plug.close()
+    assert plug.end_fault == "terminate was ended by an alarm of the controller's own"
 
 
 SEQUENCE = """

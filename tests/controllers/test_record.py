@@ -15,6 +15,7 @@ from rig_nodes.controllers.can.database import database
 from rig_nodes.controllers.modbus.registers import register_map
 from rig_nodes.controllers.record import ControllerRecord, Gear, Output, controller_info, record_of
 from rig_nodes.controllers.seam import ControllerOutputs, checked
+from rig_nodes.controllers.wire import measured
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.conformance import Desk
 
@@ -156,6 +157,42 @@ def test_the_header_of_any_record_is_c_and_cpp(other, tmp_path):
             check=True,
         )
         assert subprocess.run([tmp_path / "mine"], check=False).returncode == 0
+
+
+HARD = """
+#include "rig_record.h"
+#include <stddef.h>
+int main(void) {
+  return (RIG_GEAR_L_ != 1) + (RIG_GEAR_L__2 != 2) + (RIG_GEAR_1A != 3) + (RIG_GEAR_1A_4 != 4) +
+         (offsetof(rig_measured, double_) != 0) + (offsetof(rig_measured, class_) != sizeof(double));
+}
+"""
+
+
+def test_the_header_of_hard_names_is_c_and_cpp(other, tmp_path):
+    """Gears that differ by other signs than letters, transducers with words of the languages as names, and signs of comments."""
+    texts = "The */ int torque; /* of the shaft/*/.", "Pressure */"
+    transducers = tuple(
+        replace(signal, name=name, text=text)
+        for signal, name, text in zip(other.transducers, ("double", "class"), texts, strict=True)
+    )
+    gears = tuple(Gear(number, name) for number, name in enumerate(("N", "L+", "L-", "1a", "1A")))
+    (tmp_path / NAME).write_text(header_text(replace(other, transducers=transducers, gears=gears, rig="a*/b")))
+    for language, standard in (("c", "-std=c99"), ("c++", "-std=c++17")):
+        path = tmp_path / f"mine.{language}"
+        path.write_text(HARD)
+        flags = ["-x", language, standard, "-Wall", "-Wextra", "-Werror", f"-I{INCLUDE}"]
+        subprocess.run(["cc", *flags, "-o", tmp_path / "mine", path], check=True)
+        assert subprocess.run([tmp_path / "mine"], check=False).returncode == 0
+
+
+def test_a_wire_carries_both_ends_of_a_range_and_one_of_zeros(other):
+    signals = other.transducers
+    below, nothing = replace(signals[0], low=-5.0 * signals[0].high), replace(signals[1], low=0.0, high=0.0)
+    first, second = measured(replace(other, transducers=(below, nothing)))
+    assert first.decode(first.encode(below.low)) == pytest.approx(below.low, rel=1e-4)
+    assert first.decode(first.encode(below.high)) == pytest.approx(below.high, rel=1e-3)
+    assert second.decode(second.encode(0.0)) == 0.0
 
 
 def test_the_desk_of_the_conformance_set_follows_the_record(config, other):

@@ -398,6 +398,45 @@ def test_an_answer_that_no_valve_can_be_given_is_an_error(plug, thread, monkeypa
     assert failure.value.status == Status.ERROR
 
 
+@pytest.mark.parametrize(("name", "value"), [("gear", 258), ("flags", 256), ("status", 256), ("gear", -1)])
+def test_a_number_that_a_message_cannot_hold_is_not_sent_as_another_one(plug, thread, name, value):
+    user = Steady()
+    user.out = ControllerOutputs([0.5, 0.0, 0.0])
+    setattr(user.out, name, value)
+    thread(user, plug.topics_name)
+    plug.wait(20.0)
+    with pytest.raises(ControllerFailed, match=f"sample 0: status error: ValueError: {name} is {value}, expected 0 to 255"):
+        ask(plug)
+
+
+def test_a_long_text_of_a_controller_that_refuses_or_leaves_is_shortened(plug, thread, config):
+    """It goes to the terminal, and into the reason with which a run ends."""
+
+    class Talking(Steady):
+        talks = True
+
+        def initialize(self, info):
+            super().initialize(info)
+            if self.talks:
+                raise ValueError("no " * 100_000)
+
+    user = Talking()
+    node = thread(user, plug.topics_name)
+    with pytest.raises(RigError, match="one has come and is not used: initialize failed: ValueError: no no ") as refusal:
+        plug.wait(20.0)
+    user.talks = False
+    run = load_controller(plug.name, config)
+    run.wait(20.0)
+    assert ask(run).command == (0.5, 0.0, 0.0)
+    node.announce(ControllerReady.LEAVES, "gone " * 100_000)
+    assert node._ready.wait_for_all_acked(Duration(seconds=10.0))
+    with pytest.raises(ControllerFailed, match="it has left: gone gone") as failure:
+        for sample in range(1, 1000):
+            ask(run, sample)
+    run.close()
+    assert max(len(text) for text in (str(refusal.value), str(failure.value), *plug.reports)) < 1500
+
+
 def test_answers_to_other_steps_and_bytes_that_are_none_are_not_used(plug, thread, monkeypatch):
     node = thread(Steady(), plug.topics_name)
     compute = node.compute
@@ -431,6 +470,9 @@ def test_answers_to_other_steps_and_bytes_that_are_none_are_not_used(plug, threa
         ("ros:?wants=torque", "transducer 'torque'; "),
         ("ros:?settings=gain", "setting 'gain' has no first value; expected e.g. gain:2.0"),
         ("ros:?signals=a-b", "expected up to 64 names"),
+        ("ros:?wants=p_p,p_p", "wants has the name 'p_p' twice, expected each name once"),
+        ("ros:?settings=gain:1,gain:2", "settings has the name 'gain' twice"),
+        ("ros:?signals=slip,slip:rad/s", "signals has the name 'slip' twice"),
     ],
 )
 def test_what_is_no_specification_is_refused(config, spec, why):

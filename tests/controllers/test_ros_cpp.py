@@ -220,6 +220,48 @@ def test_what_it_needs_is_said_and_what_it_names_as_its_own_is_brought(messages,
     ]
 
 
+BEYOND = """
+#include "rig_controller.h"
+extern "C" {
+const rig_controller_abi_info *rig_controller_abi(void) { RIG_CONTROLLER_DESCRIBE(RIG_LEVEL_DUTY); }
+int rig_controller_create(rig_controller_info *, void **) { return RIG_OK; }
+int rig_controller_step(void *, const rig_controller_inputs *in, rig_controller_outputs *out) {
+  if (in->sample == 1) out->gear = 258;
+  if (in->sample == 2) out->flags = 256;
+  return in->sample == 3 ? 256 : in->sample == 4 ? -1 : RIG_OK;
+}
+void rig_controller_destroy(void *) {}
+}
+"""
+BEYOND_MAIN = """
+#include "rig_ros_box.hpp"
+
+int main() {
+  rig_ros::Box box;
+  rig_msgs::msg::ControllerStart start;
+  start.session = 1;
+  box.start(start);
+  rig_msgs::msg::ControllerStep step;
+  step.session = 1;
+  for (; step.sample < 5; ++step.sample) {
+    step.seq += 1;
+    const auto *answer = box.step(step);
+    std::printf("%d %s\\n", answer->status, answer->message.c_str());
+  }
+}
+"""
+
+
+def test_a_number_that_a_message_cannot_hold_is_an_error_and_not_another_number(messages, tmp_path):
+    (tmp_path / "main.cpp").write_text(BEYOND_MAIN)
+    (tmp_path / "mine.cpp").write_text(BEYOND)
+    sources = [tmp_path / "main.cpp", tmp_path / "mine.cpp"]
+    subprocess.run(["c++", *STRICT, f"-I{INCLUDE}", *messages, *sources, "-o", tmp_path / "box"], check=True)
+    lines = subprocess.run([tmp_path / "box"], capture_output=True, text=True, check=True).stdout.splitlines()
+    what = ("gear is 258", "flags is 256", "status is 256", "status is -1")
+    assert lines == ["0 ", *(f"2 {one}, expected 0 to 255" for one in what)]
+
+
 def test_the_node_compiles_without_a_warning(messages):
     """The test runs only where a ROS 2 with rclcpp is installed."""
     folder = Path(includes("rclcpp")[1]).parent

@@ -358,6 +358,7 @@ def named(*own):
     ("own", "why"),
     [
         ((("p_9",), (), {}), "transducer 'p_9'; "),
+        ((("p_p", "p_p"), (), {}), "wants has the name 'p_p' twice, expected each name once"),
         (((), ("a b",), {}), "signals is {'a b': '-'}, expected up to 64 names"),
         (((), (), {"held": float("nan")}), "settings is {'held': nan}, expected a map of names"),
     ],
@@ -515,6 +516,24 @@ def test_a_c_program_whose_controller_refuses_says_why_and_fails(tmp_path, port,
     with pytest.raises(RigError, match="one has come and is not used: it refuses: no t12"):
         plug.wait(20.0)
     assert process.communicate(timeout=10)[1] == "the controller refuses: no t12\n" and process.returncode == 1
+
+
+UNITS = """
+  static const char *const units[] = {"rad/s", "rad/s", "Pa", "Pa"};
+  for (uint32_t k = 0; k < 4; k++)
+    if (strcmp(info->transducers[k].unit, units[k])) { strcpy(info->message, info->transducers[k].name); return RIG_ERROR; }
+"""
+
+
+def test_a_c_program_gets_the_transducers_with_their_units(tmp_path, port, plug):
+    (tmp_path / "mine.c").write_text("#include <string.h>\n" + C_FRAME.replace("(void)info;", UNITS).replace("STEP", ""))
+    sources = [CONTROLLERS / "examples" / "udp_main.c", tmp_path / "mine.c"]
+    subprocess.run(["cc", "-std=gnu99", f"-I{INCLUDE}", f"-I{RECORD}", "-o", tmp_path / "mine", *sources], check=True)
+    process = subprocess.Popen([tmp_path / "mine", "127.0.0.1", str(port)])
+    plug.wait(20.0)
+    assert ask(plug).command == (0.0, 0.0, 0.0)
+    process.kill()
+    process.wait()
 
 
 def test_what_the_rig_says_again_and_again_a_program_says_once(port, config, c_program):

@@ -70,6 +70,7 @@ def test_half_of_the_pair_is_refused(config, build):
     [
         ("('M_wej', 'p_9')", "transducer 'p_9'; did you mean 'p_p'"),
         ("'M_wej'", "wants is 'M_wej', expected names"),
+        ("('p_p', 'p_p')", "wants has the name 'p_p' twice, expected each name once"),
         ("5", "wants is 5, expected names"),
         ("(1,)", r"wants is \(1,\), expected names"),
         ("('gear_ordered',)", "transducer 'gear_ordered'; "),

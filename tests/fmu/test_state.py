@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
@@ -175,9 +176,9 @@ def test_bytes_that_are_no_state_of_this_fmu_are_refused(fmu, rig_fmu):
 
 
 @pytest.fixture
-def model(tmp_path):
-    """The rig behind an FMU, without a process."""
-    (tmp_path / "rig.json").write_text(json.dumps({"rig": "hydmag", "set": {}}))
+def model(tmp_path, request):
+    """The rig behind an FMU, without a process; a test may give settings of the rig."""
+    (tmp_path / "rig.json").write_text(json.dumps({"rig": "hydmag", "set": getattr(request, "param", {})}))
     model = RigModel(tmp_path)
     model.values.numbers[:] = [v.start if isinstance(v.start, int | float) else 0.0 for v in model.values.variables]
     model.initialize()
@@ -194,6 +195,29 @@ def test_a_trip_is_undone_by_an_older_state(model):
         model.restore(saved)
         assert (model.rig.reason, model.rig.safe) == (reason, bool(reason))
     assert model.rig.state_hash() == state
+
+
+GROWING = "p1.offset, size=10 %, onset=growing, over=40 ms, at=5 ms"
+FAULTS = f"{GROWING} ; oil_supply.air, at=2 ms, for=8 ms ; n_wej.stuck, at=20 ms"
+
+
+@pytest.mark.parametrize("model", [{"faults": FAULTS}], indirect=True)
+def test_faults_go_on_from_where_they_were(model):
+    """At 15 ms one grows, one is over, and one is to come; in an older state none has begun."""
+    begun = model.save()
+    model.step(15)
+    data = model.save()
+    model.step(25)
+
+    def shown():
+        return [(one.order.of.name, one.began, one.level) for one in model.rig.faults.acting], model.rig.state_hash()
+
+    numbers, on = model.values.numbers.copy(), shown()
+    for older in (begun, data):
+        model.restore(older)
+        assert model.save() == older
+        model.step(40 - model.rig.sample)
+        assert shown() == on and np.array_equal(model.values.numbers, numbers, equal_nan=True)
 
 
 def test_the_rig_refuses_the_state_of_another_version(model, tmp_path):

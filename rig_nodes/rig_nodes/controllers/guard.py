@@ -77,7 +77,8 @@ def guard(child: int, folder: str) -> None:
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         if number != signal.SIGKILL:
-            signal.signal(number, signal.SIG_DFL)
+            with contextlib.suppress(OSError):  # the C library keeps some signals of real time to itself
+                signal.signal(number, signal.SIG_DFL)
         os.kill(os.getpid(), number)
     os._exit(os.WEXITSTATUS(status))
 

@@ -189,8 +189,7 @@ class Host:
         if code == LINE_LOST:
             return f"{self._kind.subject} has closed or changed the rig's line to it"
         if code < 0:
-            number = signal.Signals(-code)
-            return f"{self._kind.subject}'s process was ended by {number.name} ({signal.strsignal(number).lower()})"
+            return f"{self._kind.subject}'s process was ended by {_signal(-code)}"
         return f"{self._kind.subject}'s process ended itself with exit code {code}"
 
     def end(self) -> str:
@@ -273,6 +272,13 @@ class HostedPlug(Plug):
 
     def _end(self) -> None:
         self.end_fault = self._host.end()
+
+
+def _signal(number: int) -> str:
+    """Return a signal in words; those of real time have a number in place of a name."""
+    name = signal.Signals(number).name if number in tuple(signal.Signals) else f"signal {number}"
+    text = signal.strsignal(number)
+    return f"{name} ({text.lower()})" if text else name
 
 
 def _show(pipe: IO[bytes], name: str) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING, Any
 
 from ..base import RigError
@@ -24,6 +24,36 @@ ROWS = 5  # samples of a block: one graph tick
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 MOST = 64
 BLOCK, CHANNELS = "/controller/signals", "/controller/channels"
+
+
+def once_each(pairs: Iterable[tuple[str, Any]], what: str, name: str) -> dict[str, Any]:
+    """Return what belongs to each name of a controller's own.
+
+    Parameters
+    ----------
+    pairs : iterable of (str, object)
+        Each name with what belongs to it.
+    what : str
+        "wants", "signals" or "settings".
+    name : str
+        The controller's name, for the error's sentence.
+
+    Returns
+    -------
+    dict of str to object
+        The same by name.
+
+    Raises
+    ------
+    RigError
+        When a name comes twice: the controller would see another number of values than it has names.
+    """
+    out = {}
+    for key, value in pairs:
+        if key in out:
+            raise RigError(f"controller {name}: {what} has the name '{key}' twice, expected each name once")
+        out[key] = value
+    return out
 
 
 def checked_signals(given: Any, name: str) -> dict[str, str]:
@@ -44,11 +74,11 @@ def checked_signals(given: Any, name: str) -> dict[str, str]:
     Raises
     ------
     RigError
-        When ``given`` is neither, a name is no identifier, or there are more than 64 names.
+        When ``given`` is neither, a name is no identifier or comes twice, or there are more than 64 names.
     """
     units = dict(given) if isinstance(given, dict) else given
     if isinstance(given, Collection) and not isinstance(given, (dict, str)) and all(isinstance(key, str) for key in given):
-        units = dict.fromkeys(given, "-")
+        units = once_each(((key, "-") for key in given), "signals", name)
     right = isinstance(units, dict) and all(
         isinstance(key, str) and NAME.fullmatch(key) and isinstance(unit, str) for key, unit in units.items()
     )

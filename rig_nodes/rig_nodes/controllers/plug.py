@@ -405,8 +405,16 @@ class Plug(ABC):
         """End the controller once; further calls, also after a failure, do nothing. ``end_fault`` holds what went wrong."""
         if not self._over:
             self._over = True
-            self._end()
-            self.ignored.conclude()
+            self._finish(self._end)
+
+    def _finish(self, end: Callable[[], None]) -> None:
+        """End the controller; a fault of the program or library behind the plug must not keep the run from its own end."""
+        try:
+            end()
+        except Exception as error:
+            LOG.error("controller %s: it cannot be ended in order", self.name, exc_info=True)
+            self.end_fault = f"it cannot be ended in order: {error_text(error)}"
+        self.ignored.conclude()
 
     def _fail(self, status: Status, sample: int, text: str) -> NoReturn:
         failure = ControllerFailed(f"controller {self.name}, sample {sample}: {shortened(text)}", status)
@@ -414,8 +422,7 @@ class Plug(ABC):
         if status == Status.FATAL:
             if not self._over:
                 self._over = self.abandoned = True
-                self._abandon()
-                self.ignored.conclude()
+                self._finish(self._abandon)
         else:
             self.close()
         raise failure

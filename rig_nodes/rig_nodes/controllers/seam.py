@@ -16,6 +16,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 from ..base import RigError, unknown
+from .own_signals import once_each
 
 LEVELS = ("duty", "current")
 MOST_TEXT = 1000  # characters of a controller's text that go into a sentence, and with it into bag and terminal
@@ -149,14 +150,14 @@ def checked_wants(names: Any, name: str, known: Sequence[str]) -> tuple[str, ...
     Raises
     ------
     RigError
-        When ``names`` is no collection of strings, or the rig lacks one of the transducers.
+        When ``names`` is no collection of strings, the rig lacks one of the transducers, or one comes twice.
     """
     if isinstance(names, str) or not isinstance(names, Collection) or not all(isinstance(item, str) for item in names):
         raise RigError(f"controller {name}: wants is {names!r}, expected names of transducers")
     for item in names:
         if item not in known:
             raise RigError(f"controller {name}: wants: {unknown('transducer', item, known)}")
-    return tuple(names)
+    return tuple(once_each(((item, item) for item in names), "wants", name))
 
 
 def _numbers(values: Any, name: str, count: int) -> tuple[float, ...]:

@@ -63,20 +63,18 @@ class Wire:
         return self.raw[0] * self.step, self.raw[1] * self.step
 
 
-def step_for(high: float, steps: int) -> float:
-    """Return the smallest of 1, 2, 5 times a power of ten of which ``steps`` steps reach ``high``."""
+def step_for(signal: Signal, steps: int) -> float:
+    """Return the smallest of 1, 2, 5 times a power of ten of which ``steps`` steps reach both ends of a signal's shown range."""
+    high = max(abs(signal.shown(signal.low)), abs(signal.shown(signal.high)))
+    if high == 0.0:
+        return 1.0  # nothing but 0 is expected
     power = 10.0 ** math.floor(math.log10(high / steps))
     return next(round(power * digit, 12) for digit in (1.0, 2.0, 5.0, 10.0) if power * digit * steps >= high)
 
 
 def _measured(name: str, signal: Signal) -> Wire:
     return Wire(
-        name,
-        signal.display_unit,
-        step_for(signal.shown(signal.high), SIGNED[1]),
-        signal.scale,
-        SIGNED,
-        f"{signal.text.rstrip('.')}; {signal.sign}.",
+        name, signal.display_unit, step_for(signal, SIGNED[1]), signal.scale, SIGNED, f"{signal.text.rstrip('.')}; {signal.sign}."
     )
 
 
@@ -102,7 +100,7 @@ def given(record: ControllerRecord) -> list[Wire]:
 def commands(record: ControllerRecord, level: str) -> list[Wire]:
     """Return the wires command_1 and on: current setpoints at level "current", duties at level "duty"."""
     signal = record.like[level]
-    step = step_for(signal.shown(signal.high), UNSIGNED[1])
+    step = step_for(signal, UNSIGNED[1])
     what = "Current setpoint" if level == "current" else "Duty"
     return [
         Wire(f"command_{k}", signal.display_unit, step, signal.scale, UNSIGNED, f"{what} of output {k}.")

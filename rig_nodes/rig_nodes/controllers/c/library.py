@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from ...base import RigError, no_file
 from ..hosted import Host, HostedPlug, Hosting
-from ..own_signals import checked_settings, checked_signals
+from ..own_signals import checked_settings, checked_signals, once_each
 from ..plug import DECLARED, chosen_level
 from ..record import ControllerRecord, record_of
 from ..seam import ControllerInputs, ControllerOutputs, Status, checked_wants
@@ -206,7 +206,7 @@ class CLibrary(HostedPlug):
         self._host.process = found["process"]
         self.wants = checked_wants(found["wants"], name, self._made_for.all_transducers)
         self.signals = checked_signals(found["signals"], name)
-        self.settings = checked_settings(dict(found["settings"]), name)
+        self.settings = checked_settings(once_each(found["settings"], "settings", name), name)
         self.saves = bool(found["saves"])
         outputs, transducers = len(self._made_for.outputs), len(self._made_for.transducers)
         # size, gear_request, sample, time; currents, transducers, wanted transducers, the controller's settings

@@ -9,6 +9,7 @@ the rig's.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
 from collections import deque
@@ -139,8 +140,9 @@ class CanBus(FreeRunning):
         self._rig_frames = {frames.FRAME_IDS[n]: n for n in sent}
         self._state: dict | None = None
         self._raw: dict[str, dict] = {}  # frames of the command that is not complete yet
-        self._answers: dict[tuple[str, int], dict] = {}  # (frame, sample) -> content of the first frame
-        self._contradictions: deque[float] = deque(maxlen=CONTRADICTIONS)  # time.monotonic() of the newest ones
+        self._round, self._sent = 0, 0  # samples given so far, and the low 16 bits of the one whose measurements were sent last
+        self._answers: dict[tuple[str, int], tuple[int, dict]] = {}  # (frame, sample) -> round and content of a first frame
+        self._contradictions: deque[tuple[int, float]] = deque(maxlen=CONTRADICTIONS)  # round and time.monotonic() of the newest
         self._node = None
         self._look_for_another()
         self._frames = RigFrames(record, self.level, self._put_frame, self._every, frames.ADDRESS if address is None else address)
@@ -160,7 +162,8 @@ class CanBus(FreeRunning):
             if frame is not None and not frame.is_extended_id and frame.arbitration_id in self._rig_frames:
                 self._foreign(frame)
         if self.conflict:
-            self._bus.shutdown()
+            with contextlib.suppress(Exception):  # the driver has error classes of its own, and the conflict is what counts
+                self._bus.shutdown()
             raise RigError(f"controller {self.name}: {self.conflict}")
 
     def pace(self, step_timeout: float | None, real_time: bool = False) -> None:
@@ -184,6 +187,9 @@ class CanBus(FreeRunning):
             self.ignored.add(f"a frame could not be sent ({error_text(error)})")
 
     def _send(self, inputs: ControllerInputs) -> None:
+        self._round += 1
+        if inputs.sample % self._every == 0:
+            self._sent = inputs.sample & 0xFFFF
         self._tell()
         groups = self._node is not None and self._node.may_send
         self._frames.take(inputs, self.shifting, groups)
@@ -285,18 +291,27 @@ class CanBus(FreeRunning):
         self.received_raw([numbers[wire.name] for wire in self._commands], self._commands, reported, "on the bus")
 
     def _compare(self, name: str, raw: dict) -> None:
-        """Detect a second controller: the bus does not name senders, but one controller does not answer a sample in two ways."""
-        first = self._answers.setdefault((name, raw["sample"]), raw)
+        """Detect a second controller: the bus does not name senders, but one controller does not answer a sample in two ways.
+
+        It may do so in a later round while its sample is still the newest one, with option every: it goes on by its own clock.
+        """
+        sample = raw["sample"]
+        came, first = self._answers.get((name, sample), (self._round, raw))
+        if came != self._round and sample == self._sent:
+            came, first = self._round, raw
+        self._answers[name, sample] = came, first
         if len(self._answers) > REMEMBERED:
             del self._answers[next(iter(self._answers))]
         keys = ("gear", "shifting") if name == frames.STATE else raw.keys() - {"sample"}
         if max(abs(raw[key] - first[key]) for key in keys) <= (0 if name == frames.STATE else FAR):
             return
+        if self._contradictions and self._contradictions[-1][0] == self._round:
+            return  # a rig that was held up finds many answers of one controller in a round
         now = time.monotonic()
-        self._contradictions.append(now)
-        if len(self._contradictions) == CONTRADICTIONS and now - self._contradictions[0] < WITHIN:
+        self._contradictions.append((self._round, now))
+        if len(self._contradictions) == CONTRADICTIONS and now - self._contradictions[0][1] < WITHIN:
             self.conflict = (
-                f"another controller is at work on {self.place}: sample {raw['sample']} and others got "
+                f"another controller is at work on {self.place}: sample {sample} and others got "
                 "two different answers; end one of the two controllers"
             )
 

@@ -61,7 +61,7 @@ class FmuFailed(RigError):
 class Fmu:
     """One instance of a co-simulation FMU; close it, or use it in a ``with``.
 
-    ``variables`` holds FMPy's ScalarVariable by name.
+    ``variables`` holds FMPy's ScalarVariable by name, ``arrays`` the names of the arrays of FMI 3.0, which are not read or set.
 
     Parameters
     ----------
@@ -107,7 +107,8 @@ class Fmu:
             if here not in there and fmpy.platform not in there:
                 found = ", ".join(there) or "none"
                 raise RigError(f"{path}: the FMU has no binary for this platform, {here}; it has {found}")
-            self.variables = {v.name: v for v in description.modelVariables}
+            self.arrays = {v.name for v in description.modelVariables if v.dimensions}
+            self.variables = {v.name: v for v in description.modelVariables if v.name not in self.arrays}
             kind = FMU3Slave if self.version == 3 else FMU2Slave
             self._instance = kind(
                 guid=description.guid,

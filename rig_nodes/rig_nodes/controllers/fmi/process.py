@@ -73,7 +73,7 @@ def check_variables(fmu: Fmu, names: Names) -> list[str]:
     Raises
     ------
     RigError
-        When a variable is missing or has the wrong causality, or the FMU was made for the record of another rig.
+        When a variable is missing, is an array or has the wrong causality, or the FMU was made for the record of another rig.
     """
     there = fmu.variables
     if "rig_record" in there and there["rig_record"].start != str(names.record):
@@ -81,6 +81,9 @@ def check_variables(fmu: Fmu, names: Names) -> list[str]:
             "the FMU was made for the record of another rig; make it anew with ./rig export controller-fmu FILE.c "
             f"--rig {names.rig}"
         )
+    for name in (*names.inputs, *names.outputs):
+        if name in fmu.arrays:
+            raise RigError(f"the FMU's variable {name} is an array, expected a single number")
     for name in names.needed:
         if name not in there:
             raise RigError(f"the FMU has no variable {name}; it has {', '.join(there)}")

@@ -22,6 +22,7 @@
 #include <rig_msgs/msg/controller_start.hpp>
 #include <rig_msgs/msg/controller_step.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 // Optional functions of a controller: null when it has none.
@@ -187,6 +188,13 @@ class Box {
            step.others.size() == start_.wants.size() && step.settings.size() == start_.settings.size();
   }
 
+  // Returns a sentence on the first number that a message cannot hold, and would carry as another one; empty if it can hold all.
+  static std::string beyond_a_byte(const std::vector<std::pair<std::string, int64_t>> &numbers) {
+    for (const auto &[name, value] : numbers)
+      if (value < 0 || value > 255) return name + " is " + std::to_string(value) + ", expected 0 to 255";
+    return "";
+  }
+
   void compute(const ControllerStep &step) {
     answer_.session = step.session;
     answer_.controller = number_;
@@ -219,11 +227,16 @@ class Box {
     out.setpoint = answer_.setpoint.data();
     const int status = rig_controller_step(instance_, &in, &out);
     answer_.status = static_cast<uint8_t>(status);
-    answer_.gear = static_cast<uint8_t>(std::min(out.gear, 255u));
+    answer_.gear = static_cast<uint8_t>(out.gear);
     answer_.shifting = out.shifting != 0;
-    answer_.flags = static_cast<uint8_t>(std::min(out.flags, 255u));
+    answer_.flags = static_cast<uint8_t>(out.flags);
     out.message[RIG_CONTROLLER_TEXT - 1] = '\0';
     answer_.message = out.message;
+    const std::string beyond = beyond_a_byte({{"status", status}, {"gear", out.gear}, {"flags", out.flags}});
+    if (!beyond.empty()) {
+      answer_.status = RIG_ERROR;
+      answer_.message = beyond;
+    }
     answer_.signals.clear();
     if (!signals_.empty() && status == RIG_OK) {
       std::vector<double> values(signals_.size());

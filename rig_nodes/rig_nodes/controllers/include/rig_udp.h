@@ -225,7 +225,7 @@ static int rig_udp_name(rig_udp_client *client, uint32_t list, uint32_t index, r
 
 /* The rig's lists, which are needed during create. */
 typedef struct {
-  char name[RIG_LISTS][RIG_UDP_NAMES][48], unit[RIG_UDP_NAMES][17], record[17];
+  char name[RIG_LISTS][RIG_UDP_NAMES][48], unit[RIG_UDP_NAMES][17], record[17]; /* units of the transducers */
   rig_parameter parameters[RIG_UDP_NAMES];
   const char *outputs[RIG_UDP_NAMES];
   rig_transducer transducers[RIG_UDP_NAMES];
@@ -240,13 +240,13 @@ static int rig_udp_fetch(rig_udp_client *client, const uint32_t *count, rig_udp_
       char *name = names->name[list][k];
       if (!rig_udp_name(client, list, k, &frame)) return 0;
       memcpy(name, frame.body.name.name, 47);
-      memcpy(names->unit[k], frame.body.name.unit, 16);
       if (list == RIG_LIST_SETTINGS) {
         names->parameters[k].name = name;
         names->parameters[k].value = frame.body.name.value;
       } else if (list == RIG_LIST_OUTPUTS) {
         names->outputs[k] = name;
       } else if (list == RIG_LIST_TRANSDUCERS) {
+        memcpy(names->unit[k], frame.body.name.unit, 16);
         names->transducers[k].name = name;
         names->transducers[k].unit = names->unit[k];
       } else {

@@ -108,18 +108,18 @@ class InProcess(Plug):
     def _answer(self, inputs: ControllerInputs) -> ControllerOutputs:
         timed = self._timed()
         try:
-            if timed:
-                signal.setitimer(signal.ITIMER_REAL, self.step_timeout)
-            return self._class.step(inputs)
+            try:
+                if timed:
+                    signal.setitimer(signal.ITIMER_REAL, self.step_timeout)
+                return self._class.step(inputs)
+            finally:  # before a fault is handled: that calls terminate, which has no limit of time
+                if timed:
+                    signal.setitimer(signal.ITIMER_REAL, 0.0)
         except Overtime:
             self._overdue(inputs.sample)
         except Broken as broken:
             LOG.error("controller %s, sample %d\n%s", self.name, inputs.sample, broken.trace)
             self._fail(Status.ERROR, inputs.sample, str(broken))
-
-        finally:
-            if timed:
-                signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _timed(self) -> bool:
         """Set the timer's handler; True when a timer can watch the step.
@@ -139,3 +139,5 @@ class InProcess(Plug):
         except Broken as broken:
             LOG.error("controller %s\n%s", self.name, broken.trace)
             self.end_fault = str(broken)
+        except Overtime:  # by an alarm that the class itself has set: the handler of the steps is still there
+            self.end_fault = "terminate was ended by an alarm of the controller's own"

@@ -192,9 +192,9 @@ class ControllerNode(Node):
                     settings=dict(zip(self.start.settings, step.settings)),
                 )
             )
-            answer.status, answer.message = int(getattr(out, "status", 0)), str(getattr(out, "message", ""))
-            answer.gear, answer.shifting, answer.flags = int(out.gear), bool(out.shifting), int(out.flags)
-            # messages do not check types: a value that is no float would be sent as another number
+            # messages do not check types: a number that does not fit, or is no float, would be sent as another number
+            answer.status, answer.message = _byte("status", getattr(out, "status", 0)), str(getattr(out, "message", ""))
+            answer.gear, answer.shifting, answer.flags = _byte("gear", out.gear), bool(out.shifting), _byte("flags", out.flags)
             answer.command = [float(value) for value in out.command or [0.0] * len(step.current)]
             answer.setpoint = [float(value) for value in out.setpoint or ()]
             answer.signals = [float(out.signals[name]) for name in self.start.signals]
@@ -217,6 +217,13 @@ class ControllerNode(Node):
             self.announce(ControllerReady.LEAVES, why)
             self._ready.wait_for_all_acked(Duration(seconds=0.5))
             self.end()
+
+
+def _byte(name: str, value: Any) -> int:
+    """Return a number of an answer as a message can hold it; ValueError when it cannot."""
+    if not 0 <= int(value) <= 255:
+        raise ValueError(f"{name} is {value}, expected 0 to 255")
+    return int(value)
 
 
 def serve(controller: Any, levels: tuple[str, ...] = ("duty",), topics: str = "controller") -> int:

@@ -19,10 +19,10 @@ from rig_msgs.msg import ControllerRecord as ControllerRecordMessage
 
 from ...base import RigError
 from ..free_running import FreeRunning, split_options
-from ..own_signals import checked_settings, checked_signals
+from ..own_signals import checked_settings, checked_signals, once_each
 from ..plug import RECEIVED, Plug, Waiting, chosen_level
 from ..record import ControllerRecord
-from ..seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
+from ..seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants, shortened
 from .topics import Answered, NoAnswer, Topics, pack_step
 
 if TYPE_CHECKING:
@@ -70,10 +70,10 @@ def ros_controller(rest: str, config: RigConfig, level: str | None = None) -> Pl
     plug.level_from = RECEIVED
     plug.other_side = _OtherSide(plug, name)
     plug.wants = checked_wants(_items(options, "wants"), spec, plug.rig_record.all_transducers)
-    plug.settings = checked_settings(dict(_setting(item, spec) for item in _items(options, "settings")), spec)
-    plug.signals = checked_signals(
-        {item.partition(":")[0]: item.partition(":")[2] or "-" for item in _items(options, "signals")}, spec
-    )
+    values = once_each((_setting(item, spec) for item in _items(options, "settings")), "settings", spec)
+    signals = (item.partition(":") for item in _items(options, "signals"))
+    units = once_each(((signal, unit or "-") for signal, _, unit in signals), "signals", spec)
+    plug.settings, plug.signals = checked_settings(values, spec), checked_signals(units, spec)
     return plug
 
 
@@ -229,7 +229,7 @@ class _OtherSide:
 
     def _hear(self, ready: ControllerReady) -> None:
         """Handle a controller's message that it is ready, refuses or leaves."""
-        plug, text = self._plug, " ".join(ready.message.split()) or "it gave no reason"
+        plug, text = self._plug, shortened(" ".join(ready.message.split())) or "it gave no reason"
         why = ""
         if ready.state == ready.LEAVES:
             if ready.controller == self.controller:

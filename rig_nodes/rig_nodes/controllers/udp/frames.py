@@ -165,12 +165,12 @@ class Client:
         self.own += [(SETTING, float(value), name, "") for name, value in settings.items()]
 
     def send(self, kind: int, *values: float | str, frame: int = 0) -> None:
-        """Send one frame; it is no error when the rig is not there yet."""
+        """Send one frame; it is no error when the rig is not there yet, or cannot be reached for a while."""
         self.send_bytes(pack(kind, self.session, frame, *values))
 
     def send_bytes(self, data: bytes) -> None:
         """Send the bytes of a frame, as :meth:`send`."""
-        with contextlib.suppress(ConnectionRefusedError):
+        with contextlib.suppress(OSError):
             self.socket.send(data)
 
     def receive(self, seconds: float) -> tuple[int, int, int, tuple] | None:
@@ -192,7 +192,7 @@ class Client:
                 return None
             try:
                 return unpack(self.socket.recv(LONGEST))
-            except ConnectionRefusedError:
+            except OSError:  # there is no rig, or no way to it
                 time.sleep(min(0.1, max(0.0, until - time.monotonic())))
             except NoFrame as error:
                 self.ignore(str(error))

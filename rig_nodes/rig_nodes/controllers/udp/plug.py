@@ -9,14 +9,17 @@ may start first.
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import os
 import select
 import socket
+import sys
 import time
 from typing import TYPE_CHECKING
 
 from ...base import RigError
-from ..own_signals import MOST, checked_settings, checked_signals
+from ..own_signals import MOST, checked_settings, checked_signals, once_each
 from ..plug import RECEIVED, Plug, Waiting, chosen_level
 from ..seam import LEVELS, ControllerFailed, ControllerInputs, ControllerOutputs, Status, checked_wants
 from .frames import (
@@ -50,7 +53,7 @@ LOOPBACK = "127.0.0.1"
 RESEND = 0.02  # s of wall clock without an answer after which a sample is sent again
 AT_ONCE = 100  # frames that one look at the port takes at most, so that a flood does not keep the rig from going on
 GLANCE = 0.0005  # s of wall clock for an answer in real time while the controller is away
-IP_RECVERR = 11  # of Linux: reports that no program listens at the other end
+IP_RECVERR = 11  # of Linux: reports that no program listens at the other end, or that it cannot be reached
 
 
 class Udp(Plug):
@@ -124,7 +127,7 @@ class Udp(Plug):
                 return None
             try:
                 data, peer = self._socket.recvfrom(LONGEST)
-            except ConnectionRefusedError:
+            except OSError:  # a notice of a frame that was sent before
                 self._see_who_has_gone()
                 continue
             try:
@@ -219,8 +222,9 @@ class Udp(Plug):
             raise RigError(f"it has {self._count} names of its own, expected up to {MOST} of each kind")
         names = [self._names[k] for k in range(self._count)]
         wants = checked_wants([name for what, name, _, _ in names if what == WANT], self.name, self.rig_record.all_transducers)
-        signals = checked_signals({name: unit for what, name, _, unit in names if what == SIGNAL}, self.name)
-        settings = checked_settings({name: value for what, name, value, _ in names if what == SETTING}, self.name)
+        units = once_each(((name, unit) for what, name, _, unit in names if what == SIGNAL), "signals", self.name)
+        values = once_each(((name, value) for what, name, value, _ in names if what == SETTING), "settings", self.name)
+        signals, settings = checked_signals(units, self.name), checked_settings(values, self.name)
         now, before = (
             (tuple(w), tuple(s.items()), tuple(t))
             for w, s, t in ((wants, signals, settings), (self.wants, self.signals, self.settings))
@@ -232,23 +236,41 @@ class Udp(Plug):
             self.named()
 
     def _send(self, kind: int, peer: tuple[str, int], session: int | None = None, values: Iterable[float | str] = ()) -> None:
-        data = pack(kind, self._session if session is None else session, 0, *values)
-        try:
-            self._socket.sendto(data, peer)
-        except ConnectionRefusedError:  # the notice belongs to a frame that was sent before
-            self._see_who_has_gone()
-            self._socket.sendto(data, peer)
+        self._put(pack(kind, self._session if session is None else session, 0, *values), peer)
+
+    def _put(self, data: bytes, peer: tuple[str, int]) -> None:
+        """Send the bytes of a frame; _Gone when they cannot be sent to the controller. Other programs come again."""
+        why = ""
+        for _ in range(2):
+            try:
+                self._socket.sendto(data, peer)
+                return
+            except OSError as error:  # the first one may be a notice of a frame that was sent before
+                self._see_who_has_gone()
+                why = error.strerror
+        if peer == self._peer:
+            raise _Gone(f"no frame can be sent to it ({why})")
+        self.ignored.add(f"a program has sent a frame and cannot be sent one ({why})")
 
     def _see_who_has_gone(self) -> None:
-        """Read the system's notices of addresses at which no program listens; _Gone when the controller's is among them."""
-        gone = set()
+        """Read the system's notices of addresses that cannot be reached; _Gone when the controller's is among them."""
+        gone: dict[tuple[str, int], int] = {}
         while True:
             try:
-                gone.add(self._socket.recvmsg(1, 512, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)[3])
+                _, about, _, peer = self._socket.recvmsg(1, 512, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)
             except BlockingIOError:
                 break
+            number = next(
+                (int.from_bytes(data[:4], sys.byteorder) for _, kind, data in about if kind == IP_RECVERR), errno.ECONNREFUSED
+            )
+            if number != errno.EMSGSIZE:  # the way takes smaller packets only; the frame is sent again in such ones
+                gone[peer] = number
         if self._peer in gone:
-            raise _Gone("no program listens at its port any more")
+            number = gone[self._peer]
+            refused = number == errno.ECONNREFUSED
+            raise _Gone(
+                "no program listens at its port any more" if refused else f"it cannot be reached any more ({os.strerror(number)})"
+            )
 
     # ---- samples
 
@@ -285,11 +307,7 @@ class Udp(Plug):
             if self._peer is not None:
                 if len(inputs.others) != len(self.wants):
                     return None  # the sample was made before the controller named the transducers that it wants
-                try:
-                    self._socket.sendto(self._sample(inputs), self._peer)
-                except ConnectionRefusedError:
-                    self._see_who_has_gone()
-                    continue
+                self._put(self._sample(inputs), self._peer)
             left = None if patience is None else began + patience - time.monotonic()
             if left is not None and left <= 0.0:
                 return self._no_answer(inputs.sample)
@@ -334,8 +352,9 @@ class Udp(Plug):
         self._session = (self._session % 0xFFFFFFFF) + 1
 
     def _end(self) -> None:
-        if self._peer is not None:
-            self._send(BYE, self._peer, values=["the run is over"])
+        with contextlib.suppress(_Gone):
+            if self._peer is not None:
+                self._send(BYE, self._peer, values=["the run is over"])
         self._socket.close()
 
     def _abandon(self) -> None:

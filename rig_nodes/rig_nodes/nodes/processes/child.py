@@ -181,7 +181,8 @@ class Child:
         """Return how an ended process ended, for people."""
         code = self.exit_code
         if code < 0:
-            return f"killed by signal {-code} ({signal.Signals(-code).name})"
+            # those of real time have no name
+            return f"killed by signal {-code} ({next((one.name for one in signal.Signals if one == -code), 'of real time')})"
         if code == UNREPORTED:
             return "ended, as did the server of the rig's processes, which knew how"
         return f"ended with exit code {code}"

@@ -24,6 +24,7 @@ from .rig_state import arrays_like, from_bytes, key_of, to_bytes
 
 if TYPE_CHECKING:
     from ...rig import RigConfig
+    from ..faults import Acting
     from ..rig import Rig
     from .rig_variables import Values
 
@@ -246,7 +247,7 @@ class RigModel:
         self._check_unrecorded()
         state = self.rig.snapshot()
         plain = {name: value for name, value in state.values.items() if name != "config"}
-        head = {"values": plain, "to_come": state.to_come, "texts": self._first_texts}
+        head = {"values": plain, "to_come": state.to_come, "texts": self._first_texts, "faults": _plain(state.faults)}
         return to_bytes(self._key, head, [self._first, self._acted, *state.arrays])
 
     def restore(self, data: bytes) -> None:
@@ -279,7 +280,9 @@ class RigModel:
         self._acted = acted
         state = self.rig.snapshot()
         arrays = tuple(arrays_like(state.arrays, rest[2 * size :]))
-        self.rig.restore(replace(state, values=state.values | head["values"], to_come=head["to_come"], arrays=arrays))
+        faults = _acting(head["faults"], self._changed_config)
+        then = {"values": state.values | head["values"], "to_come": head["to_come"], "arrays": arrays, "faults": faults}
+        self.rig.restore(replace(state, **then))
         values.numbers[:], values.texts[:] = now
 
     def _check_unrecorded(self) -> None:
@@ -337,6 +340,19 @@ def serve(link: socket.socket, resources: Path) -> None:
             for first in range(0, done, PIECE):
                 link.send(state[first : first + PIECE])
     model.terminate()
+
+
+def _plain(faults: tuple[Acting, ...]) -> list[list]:
+    """Return the orders of faults that are not over as JSON takes them."""
+    return [[one.order.text, one.due, one.began, one.level, one.shifts, one.held] for one in faults]
+
+
+def _acting(plain: list[list], config: RigConfig) -> tuple[Acting, ...]:
+    """Return the orders of faults in the form of :func:`_plain` as a rig that is made with this configuration takes them."""
+    from ...rig import read_fault
+    from ..faults import Acting
+
+    return tuple(Acting(read_fault(config, text, "fault"), *rest) for text, *rest in plain)
 
 
 def _take(values: Values, request: bytes) -> None:
