@@ -10,7 +10,7 @@ import re
 import pytest
 from synthetic_shift import Shift
 
-from rig_nodes.analysis.causes import cause, cause_of_time
+from rig_nodes.analysis.causes import cause, cause_of_dip, cause_of_time
 from rig_nodes.analysis.clutch_torques import put_torques
 from rig_nodes.analysis.run_report import recording_of
 from rig_nodes.analysis.shift import shifts
@@ -59,6 +59,11 @@ def test_a_torque_within_its_error_is_no_cause(row):
     unsure = {"releasing": -60.0, "engaging": 310.0, "error": 67.0}
     assert "brakes" not in cause(row | {"torques": {"high": unsure}}, BOX, "high")
     assert cause(row | {"torques": {"high": None}}, BOX, "high") == "" == cause(row | {"torques": None}, BOX, "high")
+    certain = {"releasing": 0.0, "engaging": 90.0, "error": 67.0}
+    assert cause(row | {"torques": {"high": certain}}, BOX, "high").startswith("S2 carries 90 Nm as it slips")
+    assert cause(row | {"torques": {"high": certain | {"error": 95.0}}}, BOX, "high") == "", "it may carry nothing"
+    hole = {"releasing": 1.0, "engaging": 0.4, "error": 0.0}
+    assert cause(row | {"torques": {"low": hole}}, BOX, "low").startswith("S1 and S2 together carry nothing, a torque hole")
 
 
 @pytest.mark.parametrize(
@@ -75,6 +80,23 @@ def test_what_made_a_shift_late_is_what_would_have_brought_it_in_time(row, parts
     assert cause_of_time(row | times | {"t_c_s": 0.8}, BOX, 0.725) == words
 
 
+@pytest.mark.parametrize(
+    ("parts", "errors"),
+    [
+        ((0.5, 0.63, 0.0, 0.1), {"kiss_s": 0.09, "departure_s": 0.05}),
+        ((0.5, 0.63, 0.0, 0.1), {"overlap_s": 0.12}),
+        ((0.6, 0.45, 0.15, -0.2), {"interrupted_s": 0.16}),
+    ],
+)
+def test_a_time_within_its_error_is_no_cause(row, parts, errors):
+    late = row | dict(zip(("kiss_s", "departure_s", "interrupted_s", "overlap_s"), parts)) | {"t_c_s": 0.8}
+    small = {key: 0.1 * value for key, value in errors.items()}
+    assert cause_of_time(late | {"errors": small}, BOX, 0.725) == cause_of_time(late, BOX, 0.725) != ""
+    assert cause_of_time(late | {"errors": errors}, BOX, 0.725) == ""
+    if "interrupted_s" in errors:
+        assert cause_of_dip(late | {"errors": small}, BOX) != "" == cause_of_dip(late | {"errors": errors}, BOX)
+
+
 def test_in_a_change_of_direction_torques_of_one_sign_are_the_tie_up(row):
     gears = tuple(dataclasses.replace(one, ratio=-2.0) if one.name == "I" else one for one in BOX.gears)
     round_ = dataclasses.replace(BOX, gears=gears)
@@ -87,6 +109,10 @@ def test_behind_lock_up_inertia_is_named_and_later_nothing(row):
     text = cause(row | at | {"t_high_s": row["t_c_s"] + 0.067}, BOX, "high")
     assert text == "67 ms after lock-up, as inertia swings on: the speeds were drawn together in 100 ms; let p2 rise more slowly"
     assert cause(row | at | {"t_high_s": row["t_c_s"] + 0.5}, BOX, "high") == ""
+    near = row | at | {"t_high_s": row["t_c_s"] + 4e-3}
+    assert cause(near, BOX, "high").startswith("4 ms after lock-up")
+    unsure = near | {"errors": {"t_high_s": 3e-3, "t_c_s": 2e-3}}
+    assert cause(unsure, BOX, "high").startswith("S2 carries 200 Nm as it slips"), "it may stand at lock-up"
 
 
 @pytest.fixture(scope="module")

@@ -115,3 +115,25 @@ def test_every_signal_of_a_run_that_was_at_the_end_of_its_range_is_named():
         pieces.add({"p1": np.array([0.0, 2.3e6, np.nan, 2.3e6])}, 0.1)
     (said,) = pieces.sentences(HYDMAG.catalogue.signals)
     assert said.startswith("p1 was at the end of its range, 2.3 MPa, for 0.4 s, 66.7 % of the run: ")
+
+
+def test_a_torque_at_the_lower_end_of_its_range_alone_is_no_lower_bound_of_the_peak():
+    torque = UP.channels()["M_wej"].copy()
+    torque[14_000:14_200] = -400.0
+    row, verdict = measured({"M_wej": (-300.0, 300.0)}, M_wej=torque)
+    assert row["input_torque_at_least_nm"] is None and "at least" not in sentence_of(verdict)
+    assert row["why"][0].startswith("M_wej is at the end of its range, -300 Nm, for 0.02")
+    row, _ = measured({"M_wej": (-200.0, 200.0)}, M_wej=torque)
+    assert row["input_torque_at_least_nm"] == 200.0
+    assert row["why"][0].startswith("M_wej is at the end of its range, -200 Nm and 200 Nm, for ")
+
+
+@pytest.mark.parametrize(
+    "values, said", [([-500.0] * 4, "-500 Nm"), ([500.0] * 4, "500 Nm"), ([500.0, 0.0, -500.0, -500.0], "-500 Nm and 500 Nm")]
+)
+def test_the_sentence_on_a_run_names_the_end_that_was_reached(values, said):
+    clipping = Clipping({"M_wyj": (-500.0, 500.0)})
+    for part in (values[:2], values[2:]):
+        clipping.add({"M_wyj": np.array(part)}, 0.1)
+    (sentence,) = clipping.sentences(HYDMAG.catalogue.signals)
+    assert sentence.startswith(f"M_wyj was at the end of its range, {said}, for 0.")

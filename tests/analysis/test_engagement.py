@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from synthetic_engagement import ORDER, Engagement
-from synthetic_shift import ENCODER, PERIOD
+from synthetic_shift import ENCODER, PERIOD, RPM
 
 from rig_nodes.analysis.engagement import KEYS, engagement_metrics, engagement_ranks
 from rig_nodes.analysis.measured_error import instruments_of
@@ -153,3 +154,19 @@ def test_ranks_among_series():
         "not dominated",
         None,
     ]
+
+
+def test_an_engagement_of_a_gear_that_turns_backwards_has_the_same_times():
+    recording = Engagement(rpm=470 * ENCODER * RPM).recording()  # in step, both speeds are whole steps of the encoders
+    box = recording.transmission
+    back = replace(box, gears=tuple(replace(one, ratio=-one.ratio) if one.ratio else one for one in box.gears))
+    ends = []
+    for way, one in ((1.0, box), (-1.0, back)):
+        channels = dict(recording.channels)
+        channels["n_wej"] = np.round(channels["n_wej"] / ENCODER) * ENCODER
+        channels["n_wyj"] = way * np.round(channels["n_wyj"] / ENCODER) * ENCODER
+        channels["M_wyj"] = way * channels["M_wyj"]
+        channels["M_wej"] = np.full_like(channels["M_wej"], 28.0)  # so that the output shows the kiss point
+        ends.append(engagement_metrics(type(recording)(0.0, PERIOD, channels, recording.orders, one), ORDERED, INSTRUMENTS))
+    for key in ("slip_end_s", "engagement_s", "kiss_s", "p_kiss"):
+        assert ends[1][key] == ends[0][key] is not None, key

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from synthetic_shift import I1, I2, FakeBag, Shift
 
+from rig_nodes.analysis.comparison import truth_lines
 from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.analysis.plant_states import metrics_of_states, states_of
 from rig_nodes.analysis.report_text import format_report
@@ -108,3 +110,19 @@ def test_a_bag_without_states_says_so():
     report = build_report(FakeBag(Shift().recording(), events=events), {}, truth=True)
     assert report["truth"] == [None, None]
     assert "holds no states of a plant" in format_report(report)
+
+
+def test_between_gears_that_turn_backwards_the_lowest_speed_is_the_slowest_and_k_is_the_same():
+    gears = tuple(replace(one, ratio=-one.ratio) if one.ratio else one for one in BOX.gears)
+    mirrored = states()
+    mirrored["/gearbox/state"]["speed_out"] *= -1.0
+    ahead, back = metrics_of_states(states(), ROW, BOX), metrics_of_states(mirrored, ROW, replace(BOX, gears=gears))
+    assert back["k"] == pytest.approx(ahead["k"]) == pytest.approx(0.9)
+    assert back["output_speed_min_rpm"] == pytest.approx(-ahead["output_speed_min_rpm"])
+
+
+def test_a_change_of_direction_has_no_lowest_speed_and_no_k():
+    gears = tuple(replace(one, ratio=-one.ratio) if one.name == "I" else one for one in BOX.gears)
+    truth = metrics_of_states(states(), ROW, replace(BOX, gears=gears))
+    assert truth["k"] is None and truth["output_speed_min_rpm"] is None
+    assert "min" not in truth_lines(["I-II"], [ROW], [{}], [truth], BOX)[1]

@@ -189,3 +189,17 @@ def test_an_engagement_by_hand():
     assert found["engagement_s"] == pytest.approx(2.2e-3 + 0.1 / 1.622 + slip, rel=1e-3)
     assert found["hold_s"] == pytest.approx(2.2e-3) and "hold_pressure" not in found
     assert set(engagement_uncertainty(dict.fromkeys(ENGAGEMENT_KEYS) | {"gear": 2}, INSTRUMENTS, BOX)) == set()
+
+
+def test_errors_do_not_depend_on_the_way_in_which_the_output_turns():
+    back = dataclasses.replace(
+        BOX, gears=tuple(dataclasses.replace(one, ratio=-one.ratio) if one.ratio else one for one in BOX.gears)
+    )
+    course = {"input_torque_high_nm": 264.0, "input_torque_low_nm": -40.0, "t_high_s": 0.6, "reversed_s": 0.02}
+    ahead, behind = (
+        uncertainty(ROW | course | {"output_torque_nm": load}, INSTRUMENTS, box) for load, box in ((80.0, BOX), (-80.0, back))
+    )
+    assert behind == pytest.approx(ahead) and behind["reversed_s"] > 0.0
+    engaged = dict.fromkeys(ENGAGEMENT_KEYS) | {"gear": 1, "input_speed_before": 52.36, "engagement_s": 0.26, "fill_slope": 1.6e6}
+    one, other = (engagement_uncertainty(engaged, INSTRUMENTS, box) for box in (BOX, back))
+    assert other == pytest.approx(one)

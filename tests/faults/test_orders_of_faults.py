@@ -18,6 +18,7 @@ from rig_nodes.rig.faults import read_fault
 from rig_nodes.rig.recorded_rig import config_of_record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
+from rig_nodes.runs.session import Session
 from rig_nodes.runs.simulation import simulate
 
 ON = {"faults": "on"}
@@ -235,3 +236,62 @@ def test_a_rerun_repeats_faults_and_report_and_figures_name_them(tmp_path, capsy
     figure = rig_nodes.open(tmp_path / "run").plot()
     written = {text.get_text() for text in figure.texts}
     assert {"oil_supply.air", "p1.offset"} <= written
+
+
+@pytest.mark.parametrize("ends", [("p1", "p2"), ("p2", "p1")])
+def test_two_swapped_wires_that_share_a_transducer_are_as_before_when_both_have_ended(ends):
+    pressures = ("p1", "p2", "p_po", "p_p")
+    ill, healthy = (rig_nodes.load("hydmag", faults="on", trips={"watched": "off"}).session() for _ in range(2))
+    with ill, healthy:
+        for session in (ill, healthy):
+            session.set("oil", "4 MPa")
+            session.set("shift", "I")
+            session.advance(0.8)
+        for name in ("p1", "p2"):
+            ill.fault(f"{name}.swapped")
+        ill.advance(0.1)
+        healthy.advance(0.1)
+        assert abs(ill.read("p1") - healthy.read("p1")) > 1e6, "p1 shows another wire"
+        for name in ends:
+            ill.fault(f"{name}.swapped", off=True)
+        ill.advance(0.1)
+        healthy.advance(0.1)
+        for name in pressures:
+            assert ill.read(name) == pytest.approx(healthy.read(name), abs=0.05e6), name
+
+
+@pytest.mark.parametrize("fault", ["messages.lost, size=100 %", "messages.late, size=150 ms"])
+def test_commands_that_are_lost_or_late_from_the_first_one_on_trip_for_their_age(tmp_path, fault):
+    end, *_ = simulated(tmp_path, "  - wait: {for: 200 ms}\n", fault, "alfa46")
+    assert end["state"] == "tripped" and end["trip"] == "controller_silent", end
+    assert "valve commands older than 100 ms" in end["reason"]
+
+
+def test_commands_that_come_too_late_trip_in_the_middle_of_a_run_and_again_after_a_reset():
+    config = load_rig("hydmag", ON)
+    with Session(config, controller=load_controller("alfa46", config)) as session:
+        session.advance(0.3)
+        for fault, size in (("messages.late", "150 ms"), ("messages.lost", "100 %")):
+            session.fault(fault, size=size)
+            session.advance(0.09)
+            assert session.status != "tripped", session.reason
+            session.advance(0.02)
+            assert session.status == "tripped" and "valve commands older than 100 ms" in session.reason
+            session.fault(fault, off=True)
+            session.reset()
+        session.advance(0.3)
+        assert session.status == "ready"
+
+
+def test_the_copy_of_a_command_acts_behind_the_next_command():
+    rigs = [Rig(load_rig("hydmag", {"faults": fault}), controller="external") for fault in ("on", "messages.doubled, size=100 %")]
+    on_the_coil = []
+    for rig in rigs:
+        on_the_coil.append([])
+        for k in range(6):
+            rig.set_duty(k, [0.01 * k, 0.0, 0.0], [0.0, 0.0, 0.0], 0, False)
+            rig.advance_samples(1)
+            on_the_coil[-1].append(round(rig.coil_duty("valve_zr_p1"), 6))
+    healthy, doubled = on_the_coil
+    assert healthy == [0.0, 0.01, 0.02, 0.03, 0.04, 0.05]
+    assert doubled == [0.0, 0.0, 0.01, 0.02, 0.03, 0.04]

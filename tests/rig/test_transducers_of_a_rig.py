@@ -15,6 +15,7 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.rig.quantities import QUANTITIES
 from rig_nodes.rig.transducer_types import TRANSDUCER_TYPES
 from rig_nodes.runs.rig import Rig
+from rig_nodes.runs.session import Session
 
 
 @pytest.fixture
@@ -137,6 +138,16 @@ WRONG = {
         r"variant/rig\.yaml:4: instruments\.p1_range ends at 25 MPa, and transducers\.p1\.range goes to 40 MPa "
         r"\(.*hydmag/rig\.yaml:\d+\)",
     ),
+    "a coil current that nothing measures": (
+        "transducers: {I_zr_p1: ~}\n",
+        r"hydmag/rig\.yaml:\d+: parts\.valve_zr_p1: nothing measures its current, which a controller needs; give transducers one "
+        r"with type: current, shows: valve_zr_p1\.current; this line is of the base: in \S*variant/rig\.yaml",
+    ),
+    "a pressure of a clutch that nothing measures": (
+        "parts: {valve_zr_p1: {beside: ~}}\ntransducers: {p1: ~}\n",
+        r"hydmag/rig\.yaml:\d+: parts\.clutch_s1: nothing measures its pressure, which a controller needs; give transducers one "
+        r"with type: pressure, shows: clutch_s1\.pressure",
+    ),
 }
 
 
@@ -160,3 +171,34 @@ def test_what_is_not_fitted_may_have_any_range():
     assert load_rig("clutch_bench").instruments.force_fitted is False
     for name in ("hydmag", "chapter9", "three_speed", "cylinder_bench", "spring_bench"):
         load_rig(name)
+
+
+BOTH_WAYS = (
+    "transducers: {n_wyj: {range: [-314.2 rad/s, 314.2 rad/s]}}\n"
+    'trips: {too_fast: {signal: n_wyj, above: [400 rpm, "assumed"], delay: [50 ms, "assumed"]}}\n'
+)
+
+
+def test_a_trip_of_a_speed_that_has_both_signs_counts_backwards_too(variant):
+    with Session(load_rig(variant(BACKWARDS + BOTH_WAYS))) as session:
+        session.set("oil", "4 MPa")
+        session.advance(0.3)
+        session.set("shift", "I")
+        session.advance(0.5)
+        session.set("motor", "800 rpm")
+        session.advance(1.5)
+        assert session.read("n_wyj") < 0.0
+        assert session.reason.startswith("trip too_fast: the reading of n_wyj is 4"), session.reason
+
+
+def test_a_temperature_below_zero_is_no_size(variant):
+    cold = 'trips: {cold: {signal: T_oil, below: [5 degC, "assumed"]}}\n'
+    with Session(load_rig(variant(cold), {"oil_supply.temperature": "-20 degC"})) as session:
+        session.advance(0.1)
+        assert session.reason.startswith("trip cold: ")
+
+
+def test_the_torques_of_a_gear_that_turns_backwards_may_differ_as_much_as_those_of_one_that_turns_forwards(variant):
+    both, forwards = load_rig(variant(BACKWARDS + BOTH_WAYS)), load_rig("hydmag")
+    limits = [{trip.name: trip.limit for trip in rig.trips}["contradicts_M_wej_I"] for rig in (both, forwards)]
+    assert limits[0] == pytest.approx(limits[1])

@@ -240,3 +240,24 @@ def test_gears_without_an_entry_are_none(tmp_path):
     text = re.sub(r"^(gears):\n(  .*\n)+", r"\1:\n", THREE, flags=re.MULTILINE)
     with pytest.raises(RigError, match=r"rig\.yaml:\d+: controller: the rig has no gears"):
         load_rig(folder(tmp_path, text))
+
+
+ONE_CLUTCH = """\
+description: one clutch
+base: chapter9
+gears: {II: ~}
+parts: {clutch_s2: ~, valve_zr_p2: ~}
+transducers: {p2: ~, I_zr_p2: ~}
+instruments: {p2_noise: ~, p2_range: ~, p2_class: ~, p2_hum: ~, p2_pickup: ~}
+prescribed:
+  clutch_s2: ~
+"""
+
+
+def test_an_output_between_the_speeds_of_two_clutches_needs_two(tmp_path):
+    into = folder(tmp_path, ONE_CLUTCH)
+    with pytest.raises(RigError, match=r"rig\.yaml:\d+: prescribed\.output_speed: bounded keeps .*; choose free") as refused:
+        load_rig(into)
+    assert "\n" not in str(refused.value)
+    (into / "rig.yaml").write_text(ONE_CLUTCH + "  output_speed: free\n")
+    plan_of(load_rig(into))

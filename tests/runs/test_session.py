@@ -247,3 +247,35 @@ def test_a_session_shows_its_state_to_people(config):
     assert repr(session) == "<Session hydmag: seed 1, 0.400 s, running, gear I, shifting>"
     shown = session._repr_html_()
     assert "<td>p_p</td>" in shown and "MPa" in shown and "0.400 s" in shown
+
+
+DISCARDS = """\
+from rig_nodes.controllers import ControllerOutputs, Status
+
+
+class Discards:
+    levels = ("duty",)
+
+    def initialize(self, info): self.asked = 0
+
+    def step(self, inputs):
+        self.asked += 1
+        discards = FIRST < self.asked <= LAST
+        return ControllerOutputs(status=Status.DISCARD) if discards else ControllerOutputs([0.0, 0.0, 0.0])
+
+    def terminate(self): pass
+"""
+
+
+@pytest.mark.parametrize("discarded, reason", [(30, ""), (1000, "none of the first 101 samples after the reset was answered")])
+def test_after_a_reset_a_controller_has_its_time_for_the_first_answer_again(config, tmp_path, discarded, reason):
+    (tmp_path / "mine.py").write_text(DISCARDS.replace("FIRST", "200").replace("LAST", str(200 + discarded)))
+    with Session(config, controller=load_controller(f"python:{tmp_path / 'mine.py'}:Discards", config)) as session:
+        session.advance(0.2)
+        session.rig.e_stop()
+        session.advance(0.01)
+        session.reset()
+        session.advance(0.09)
+        assert session.status != "tripped", session.reason
+        session.advance(0.1)
+        assert (reason in session.reason and session.status == "tripped") if reason else session.status == "ready"

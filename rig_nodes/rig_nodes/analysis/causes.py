@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 
 from ..rig import Clutch, Shift, Transmission
-from .course import LEAST_TORQUE, asked_of_input
+from .course import CLEAR, LEAST_TORQUE, asked_of_input
 
 LOCKED = 2e-3  # s after lock-up from which the gear counts as engaged
 TIED = 0.25  # share of the engaging clutch's torque from which that of the releasing one, which opposes it, is part of a cause
@@ -32,7 +32,7 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
     Parameters
     ----------
     row : mapping
-        Row of shift.shift_metrics, with ``torques``.
+        Row of shift.shift_metrics, with ``torques`` and, where they are known, the ``errors`` of its metrics.
     box : Transmission
         The transmission.
     which : str
@@ -53,9 +53,9 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
         return _cause_of_low(row, box, (releasing, engaging), clear, moved)
     if opposed and -slower * (step - 1.0) >= 0.5 * (reached - asked):
         return tied
-    if row["t_c_s"] is not None and at > row["t_c_s"] + LOCKED:
+    if row["t_c_s"] is not None and at > row["t_c_s"] + max(LOCKED, _error(row, "t_c_s", "t_high_s")):
         return _swing(row, at, moved.engaging, new)
-    if engaging > max(releasing, asked):
+    if engaging > max(releasing, asked, clear):
         against = f", {old} brakes with {abs(releasing):.0f} Nm" if opposed else ""
         late = f"release {old} earlier and " if opposed and abs(releasing) > TIED * engaging else ""
         return (
@@ -74,11 +74,14 @@ def cause_of_time(row: Mapping, box: Transmission, limit: float) -> str:
     moved = box.shift(row["from_gear"], row["to_gear"])
     old, new = _named(moved.releasing, "the old gear"), _named(moved.engaging, "the new gear")
     kiss, left, none = row.get("kiss_s"), row.get("departure_s"), row.get("interrupted_s") or 0.0
-    held = left - kiss if kiss is not None and left is not None and (row.get("overlap_s") or 0.0) > 0.0 else 0.0
+    tied = kiss is not None and left is not None and (row.get("overlap_s") or 0.0) > _error(row, "overlap_s")
+    held = left - kiss if tied else 0.0
     longest = max(held, none)
     if longest < LEAST_TIME or row["t_c_s"] - longest > limit:
         return ""
     if held > none:
+        if held <= _error(row, "kiss_s", "departure_s"):
+            return ""
         return f"{old} holds for {1e3 * held:.0f} ms after {new} has begun to carry, a tie-up: release {old} earlier"
     return cause_of_dip(row, box)
 
@@ -86,7 +89,7 @@ def cause_of_time(row: Mapping, box: Transmission, limit: float) -> str:
 def cause_of_dip(row: Mapping, box: Transmission) -> str:
     """Return for how long no clutch carried the load, with the remedy; empty for a shift in which the drive was not interrupted."""
     none = row.get("interrupted_s") or 0.0
-    if none < LEAST_TIME:
+    if none < max(LEAST_TIME, _error(row, "interrupted_s")):
         return ""
     moved = box.shift(row["from_gear"], row["to_gear"])
     old, new = _named(moved.releasing, "the old gear"), _named(moved.engaging, "the new gear")
@@ -103,15 +106,22 @@ def _cause_of_low(row: Mapping, box: Transmission, carried: tuple[float, float],
         return f"{new} carries {engaging:.0f} Nm and brakes the output: {later}{_softer(moved.engaging, new)}"
     if releasing < -clear:
         return f"{old} carries {releasing:.0f} Nm and brakes the output: release {old} earlier"
-    if row["t_c_s"] is not None and at > row["t_c_s"] + LOCKED:
+    if row["t_c_s"] is not None and at > row["t_c_s"] + max(LOCKED, _error(row, "t_c_s", "t_low_s")):
         return _swing(row, at, moved.engaging, new)
     load = row["output_torque_nm"]
     if math.copysign(1.0, load) * (box.ratios[row["from_gear"]] * releasing + box.ratios[row["to_gear"]] * engaging) < 0.9 * abs(
         load
     ):
-        both = f"{old} and {new} together carry {releasing + engaging:.0f} Nm"
-        return f"{both}, a torque hole: engage {new} earlier or release {old} later"
+        both = releasing + engaging
+        carry = f"carry {both:.0f} Nm" if abs(both) > CLEAR else "carry nothing"
+        return f"{old} and {new} together {carry}, a torque hole: engage {new} earlier or release {old} later"
     return ""
+
+
+def _error(row: Mapping, *keys: str) -> float:
+    """Return the largest error of a difference of metrics of a row, or of one of them; 0 where none is known."""
+    errors = row.get("errors") or {}
+    return sum(errors.get(key, 0.0) for key in keys)
 
 
 def _named(clutches: tuple[Clutch, ...], else_: str) -> str:
@@ -126,7 +136,7 @@ def _softer(clutches: tuple[Clutch, ...], name: str) -> str:
 def _swing(row: Mapping, at: float, clutches: tuple[Clutch, ...], name: str) -> str:
     """Return the cause of an extreme behind lock-up; empty when it is so late that the drive or the load made it."""
     after = at - row["t_c_s"]
-    if after > SWING or row["t_p_s"] is None:
+    if after > SWING or row["t_p_s"] is None or row["t_p_s"] <= _error(row, "t_p_s"):
         return ""
     return (
         f"{1e3 * after:.0f} ms after lock-up, as inertia swings on: the speeds were drawn together in {1e3 * row['t_p_s']:.0f} ms; "

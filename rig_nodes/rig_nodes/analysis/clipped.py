@@ -60,6 +60,12 @@ def at_an_end(values: np.ndarray, ends: tuple[float, float], from_zero: bool = F
     return out
 
 
+def _reached(values: np.ndarray, ends: tuple[float, float]) -> list[float]:
+    """Return the ends of a range at which values lie that :func:`at_an_end` has found, the lower one first."""
+    middle = 0.5 * sum(ends)
+    return [end for end, there in zip(ends, (values < middle, values > middle)) if there.any()]
+
+
 def drop_clipped(shift: CutShift, row: dict) -> None:
     """Take out of ``row`` what a channel at the end of its range would decide, with the reason in place of its inferences."""
     into, out, last = shift.box.input, shift.box.output, shift.last
@@ -79,11 +85,12 @@ def drop_clipped(shift: CutShift, row: dict) -> None:
             row["torques"] = row["peak"] = None
         if SPEEDS in decided:
             row["in_gear"] = None
-        if name == into.torque and shift.raw[name][: last + 1].max() > 0.5 * ends[1]:
+        reached = _reached(shift.raw[name][: last + 1][clipped], ends)
+        if name == into.torque and ends[1] in reached:
             row["input_torque_at_least_nm"] = ends[1]
-        end = ends[int(abs(shift.raw[name][int(clipped.argmax())] - ends[1]) < ROOM * (ends[1] - ends[0]))]
+        spoken = " and ".join(_spoken(shift, name, end) for end in reached)
         seconds = np.count_nonzero(clipped) * shift.period
-        shift.why.append(f"{name} is at the end of its range, {_spoken(shift, name, end)}, for {seconds:.3f} s; {BEYOND}")
+        shift.why.append(f"{name} is at the end of its range, {spoken}, for {seconds:.3f} s; {BEYOND}")
 
 
 def _decides(box: Transmission, name: str, before: bool, after: bool) -> set[str]:
@@ -112,6 +119,7 @@ class Clipping:
         """Prepare; ``ranges`` is that of the transmission or of transmission.ranges_of."""
         self._ranges = ranges
         self._seconds: dict[str, float] = {}
+        self._reached: dict[str, set[float]] = {}  # ends at which each signal was
         self._whole: dict[str, float] = {}  # time in which each signal has values [s]
         self._beyond: set[str] = set()
 
@@ -124,8 +132,9 @@ class Clipping:
                 continue
             if np.abs(values).max() > ends[1] + ROOM * (ends[1] - ends[0]):
                 self._beyond.add(name)
-            rows = int(np.count_nonzero(at_an_end(values, ends)))
-            self._seconds[name] = self._seconds.get(name, 0.0) + rows * period
+            there = values[at_an_end(values, ends)]
+            self._seconds[name] = self._seconds.get(name, 0.0) + len(there) * period
+            self._reached.setdefault(name, set()).update(_reached(there, ends))
             self._whole[name] = self._whole.get(name, 0.0) + len(values) * period
 
     def sentences(self, signals: Mapping[str, Signal]) -> list[str]:
@@ -133,9 +142,10 @@ class Clipping:
         out = []
         for name, seconds in self._seconds.items():
             if seconds and name not in self._beyond and (one := signals.get(name)):
-                end = float(one.shown(np.array([self._ranges[name][1]]))[0])
+                ends = one.shown(np.array(sorted(self._reached[name])))
+                spoken = " and ".join(f"{float(end):z.4g} {one.display_unit}" for end in ends)
                 out.append(
-                    f"{name} was at the end of its range, {end:.4g} {one.display_unit}, for {seconds:.4g} s, "
+                    f"{name} was at the end of its range, {spoken}, for {seconds:.4g} s, "
                     f"{100.0 * seconds / self._whole[name]:.3g} % of the run: its true values there lie beyond"
                 )
         return out

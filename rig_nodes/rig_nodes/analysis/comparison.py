@@ -63,8 +63,9 @@ def truth_lines(names: list[str], rows: list[dict], errors: list[dict], truths: 
         pairs = [
             f"order to lock-up {truth['t_lock_s'] * 1e3:.0f} ms ({time})",
             f"{box.input.torque} max {truth['input_torque_max_nm']:.1f} Nm ({torque})",
-            f"{box.output.speed} min {truth['output_speed_min_rpm']:.0f} rpm ({speed})",
         ]
+        if truth["output_speed_min_rpm"] is not None:
+            pairs.append(f"{box.output.speed} min {truth['output_speed_min_rpm']:.0f} rpm ({speed})")
         if truth["k"] is not None:
             pairs.append(f"k {truth['k']:.3f} ({k})")
         clutches = [

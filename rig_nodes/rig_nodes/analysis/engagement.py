@@ -275,7 +275,7 @@ class _Engagement:
     def locking(self, row: dict, start: float) -> None:
         """Determine slip end, engagement time, peak torque and the torque of the closed clutch."""
         n_in, n_out, torque = self.box.input.speed, self.box.output.speed, self.box.input.torque
-        ratio = self.box.ratios[self.gear]
+        ratio = abs(self.box.ratios[self.gear])
         slip = self.box.slip(self.gear, np.maximum(self.smooth[n_in], 1.0), self.smooth[n_out])
         # the slip that the instruments show for the closed clutch, at the end of the recording
         tail = slip[-self.samples(BEFORE) :]
@@ -310,18 +310,19 @@ class _Engagement:
         slowly and does not count.
         """
         output, into = self.box.output.torque, self.box.input.torque
-        for name in (output, into):
+        way = 1.0 if self.box.ratios[self.gear] > 0.0 else -1.0  # in which the output torque of a driving gear grows
+        for name, grows in ((output, way), (into, 1.0)):
             before = self.smooth[name][: self.order]
             # the torque may drift until the clutch fills, so the level is taken at the first rise
             near = self.smooth[name][max(0, int(start) - self.samples(20e-3)) : int(start) + 1]
-            grown = self.smooth[name] - float(np.mean(near))
+            grown = grows * (self.smooth[name] - float(np.mean(near)))
             clear = first_true(grown >= TORQUE_CLEAR, int(start))
             if clear is None:
                 continue
             level = min(max(TORQUE_ERROR, 4.0 * float(np.std(before))), TORQUE_CLEAR)
             below = np.flatnonzero(grown[int(start) : clear] < level)
             at = int(start) + (int(below[-1]) + 1 if below.size else 0)
-            raw = self.raw[name] - float(np.mean(near))
+            raw = grows * (self.raw[name] - float(np.mean(near)))
             at = int(round(max(start, ramp_start(raw, grown, at, 0.5 * TORQUE_CLEAR, self.samples(20e-3)))))
             row["kiss_s"], row["p_kiss"] = self.since(at), float(self.smooth[self.clutch.pressure][at])
             return at

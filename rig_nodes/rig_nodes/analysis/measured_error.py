@@ -157,7 +157,7 @@ def engagement_uncertainty(row: dict, instruments: dict[str, Instrument], transm
     if row["growth_contact"] is not None:
         found["p_kiss"] += abs(row["growth_contact"]) * torque / TORQUE_CLEAR
     if row["engagement_s"] and row["fill_slope"]:
-        resolution = speed * (1.0 + transmission.ratios[row["gear"]]) / row["input_speed_before"]
+        resolution = speed * (1.0 + abs(transmission.ratios[row["gear"]])) / row["input_speed_before"]
         found["engagement_s"] = 2.0 * ends + pressure / abs(row["fill_slope"]) + resolution * row["engagement_s"]
     if row["hold_s"]:
         found["hold_s"] = 2.0 * ends

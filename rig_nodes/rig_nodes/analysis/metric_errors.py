@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from .course import asked_of_input
 from .definitions import RPM, SETTLED_BAND, SETTLED_BAND_NM, TORQUE_SPEED_MEAN
 
 if TYPE_CHECKING:
@@ -193,7 +194,8 @@ def time_of_extreme(basis: ErrorBasis) -> float | None:
 
 def reversal(basis: ErrorBasis) -> float | None:
     """Return the error of the time of a reversed torque [s], which is taken as half a sine; none has no error."""
-    if basis.swing is None or not (span := basis.row["reversed_s"]):
+    row, asked = basis.row, asked_of_input(basis.row, basis.box)
+    if basis.swing is None or asked is None or not (span := row["reversed_s"]):
         return None
-    against = -basis.row["input_torque_low_nm"] if basis.row["output_torque_nm"] > 0.0 else basis.row["input_torque_high_nm"]
+    against = -row["input_torque_low_nm"] if asked > 0.0 else row["input_torque_high_nm"]
     return 2.0 * (basis.ends + basis.torque * span / (math.pi * max(against, basis.torque)))

@@ -79,16 +79,18 @@ def metrics_of_states(states: States, row: dict, box: Transmission, next_order_t
     end = max(locks)
     start = order if row["t_dt_s"] is None else max(order, end - row["t_dt_s"])
     inside = (gearbox["t"] >= start) & (gearbox["t"] <= end + (row["fall_s"] or 0.0) + 1e-9)
-    lowest = float(gearbox["speed_out"][inside].min())
+    turns_round = box.turns_round(row["from_gear"], row["to_gear"])  # past standstill, where a lowest speed has no meaning
+    way = 1.0 if box.ratios[row["to_gear"]] > 0.0 else -1.0
+    lowest = way * float((way * gearbox["speed_out"][inside]).min())  # in the direction of the ordered gear
     found: dict[str, float | None] = {
         "t_lock_s": end - order,
         "input_torque_max_nm": float(gearbox["torque_in"][inside].max()),
-        "output_speed_min_rpm": lowest * RPM,
+        "output_speed_min_rpm": None if turns_round else lowest * RPM,
         "k": None,
     }
-    if row["from_gear"] in box.ratios and "k" not in reasons_in(row):
+    if row["from_gear"] in box.ratios and not turns_round and "k" not in reasons_in(row):
         ratio = box.slower_ratio(row["from_gear"], row["to_gear"])
-        found["k"] = lowest / float(np.mean(gearbox["speed_in"][before])) * ratio
+        found["k"] = way * lowest / float(np.mean(gearbox["speed_in"][before])) * ratio
     last = end
     if row["t_c_s"] is not None and row["t_o_s"] is not None:
         last = max(end, order + row["t_c_s"] + row["t_o_s"])

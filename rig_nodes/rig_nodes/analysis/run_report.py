@@ -232,13 +232,11 @@ def _metrics(
     gathered: Gathered | None = None,
 ) -> dict:
     """Return everything that comes from the logger's channels; a run without a change of gear also needs the bag's commands."""
-    found: dict[str, Any] = {
-        "shifts": rows,
-        "quality": [quality_of(row, recording.transmission) for row in rows] if recording else [],
-        "uncertainty": [uncertainty(row, instruments, recording.transmission, recording.period) for row in rows]
-        if recording
-        else [],
-    }
+    found: dict[str, Any] = {"shifts": rows, "quality": [], "uncertainty": []}
+    if recording is not None:
+        box = recording.transmission
+        found["uncertainty"] = [uncertainty(row, instruments, box, recording.period) for row in rows]
+        found["quality"] = [quality_of({**row, "errors": own}, box) for row, own in zip(rows, found["uncertainty"])]
     if annex_a is not None and recording is not None:
         try:
             found["annex_a"] = {"factor": annex_a, "shifts": _by_annex_a(recording, annex_a, gathered)}

@@ -76,8 +76,10 @@ class RosBench:
     def need(self, sequence: Sequence) -> None:
         """Subscribe to the signals that a sequence reads; ``ready`` waits for them."""
         names = {step.condition.signal for step in sequence.steps if step.condition is not None}
-        if any(step.by_torque for step in sequence.steps):
-            names.add(self.config.structure.output.speed)
+        steps = self.config.settings.steps
+        names |= {
+            self.config.structure.speed_of_load(steps[step.kind].setpoint.device) for step in sequence.steps if step.by_torque
+        }
         self.needed = names
         owners = {step.setting.partition(".")[0] for step in sequence.steps if step.setting}
         owners |= {RIG for step in sequence.steps if step.fault}

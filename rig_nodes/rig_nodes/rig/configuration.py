@@ -313,7 +313,7 @@ def _read(node: Map, path: str | Path, name: str) -> RigConfig:
     check_driveline(structure, sections, node, path)
     prescribed = None
     if "prescribed" in node:
-        prescribed = read_prescribed(node["prescribed"], path, [clutch.name for clutch in structure.clutches])
+        prescribed = read_prescribed(node["prescribed"], path, structure)
     config = RigConfig(
         name,
         structure,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ..base import Map
+    from .structure import Structure
 
 WAYS = ("engaging", "releasing")
 OUTPUT_SPEEDS = ("bounded", "free")
@@ -55,7 +56,7 @@ class Prescribed:
         }
 
 
-def read_prescribed(node: Map, path: str | Path, clutches: list[str]) -> Prescribed:
+def read_prescribed(node: Map, path: str | Path, structure: Structure) -> Prescribed:
     """Read the key ``prescribed`` of a rig.
 
     It has for each clutch its force, and for each way rows [end s, MPa, MPa/s, MPa/s2, MPa/s3], of which the last has the end
@@ -67,8 +68,8 @@ def read_prescribed(node: Map, path: str | Path, clutches: list[str]) -> Prescri
         The map under the key.
     path : str or Path
         The rig's file.
-    clutches : list of str
-        Names of the clutches.
+    structure : Structure
+        What the rig is made of.
 
     Returns
     -------
@@ -80,12 +81,19 @@ def read_prescribed(node: Map, path: str | Path, clutches: list[str]) -> Prescri
     RigError
         With file and line, when something is not right.
     """
+    clutches = [clutch.name for clutch in structure.clutches]
     keys = (*clutches, "output_speed")
     check_keys(path, node, keys, keys, "prescribed")
     if node["output_speed"] not in OUTPUT_SPEEDS:
         raise RigError(
             f"{where_of(path, node, 'output_speed')}: prescribed.output_speed must be one of "
             f"{', '.join(OUTPUT_SPEEDS)}, found {node['output_speed']!r}"
+        )
+    bounded = node["output_speed"] == OUTPUT_SPEEDS[0]
+    if bounded and (len(clutches) < 2 or structure.input is None or structure.output is None):
+        raise RigError(
+            f"{where_of(path, node, 'output_speed')}: prescribed.output_speed: bounded keeps the output between the "
+            "speeds that two clutches give it, so the rig needs two, an input and an output; choose free"
         )
     forces, tables = [], []
     for name in clutches:
@@ -97,7 +105,7 @@ def read_prescribed(node: Map, path: str | Path, clutches: list[str]) -> Prescri
             tables.append(_rows(part[way], f"{where_of(path, part, way)}: prescribed.{name}.{way}"))
     longest = max(map(len, tables))
     full = [rows + [rows[-1]] * (longest - len(rows)) for rows in tables]
-    return Prescribed(tuple(forces), np.array(full).reshape(len(clutches), 2, longest, 5), node["output_speed"] == OUTPUT_SPEEDS[0])
+    return Prescribed(tuple(forces), np.array(full).reshape(len(clutches), 2, longest, 5), bounded)
 
 
 def _rows(node: object, where: str) -> list[list[float]]:

@@ -496,7 +496,7 @@ class _Reader:
         return OwnPlot(str(title), tuple(node), over)
 
     def check_whole(self, structure: Structure) -> None:
-        """Check that a rig with gears has an input, an output and a motor, and that a lever moves what nothing else moves."""
+        """Check that a rig with gears has what it needs, and that a lever moves what nothing else moves."""
         ends = [key for key in ("input", "output") if key in self.node]
         if structure.gears and len(ends) < 2:
             raise self.wrong(
@@ -504,6 +504,7 @@ class _Reader:
             )
         if structure.gears and not structure.of_role(parts.SOURCE):
             raise self.wrong(self.node, "gears", "a rig with gears needs a motor among its parts, e.g. part: dc_motor")
+        self.check_measured(structure)
         known = [*inputs_read(structure.elements), *(one.name for one in structure.of_kind("torque", "variator"))]
         moved = dict.fromkeys(structure.inputs, "the table over time under inputs")
         for device in structure.of_role(parts.LEVER):
@@ -513,6 +514,20 @@ class _Reader:
             if to in moved:
                 raise self.wrong(node, "moves", f"{what} names '{to}', which follows {moved[to]} already; one is possible")
             moved[to] = device.name
+
+    def check_measured(self, structure: Structure) -> None:
+        """Refuse what a controller does not see: the coil current of a valve and, with gears, the pressure of a clutch."""
+        shown, nodes = {one.shows for one in structure.transducers}, self.map_of("parts")
+        lines = [(one.name, structure.line_of(one.name)) for one in (structure.clutches if structure.shifts else ())]
+        needed = [(valve.name, "current", f"{valve.name}.current") for valve in structure.valves]
+        for name, kind, shows in (*needed, *((name, "pressure", f"{line}.pressure") for name, line in lines)):
+            if shows not in shown:
+                raise self.wrong(
+                    nodes,
+                    name,
+                    f"parts.{name}: nothing measures its {kind}, which a controller needs; give transducers one with "
+                    f"type: {kind}, shows: {shows}",
+                )
 
 
 def meaning(to: str) -> str:

@@ -360,6 +360,24 @@ class Structure:
         """Return the valve that fills a clutch; None when there is none."""
         return next((valve for valve in self.valves if valve.wires["feeds"] == clutch), None)
 
+    def speed_of_load(self, load: str) -> str:
+        """Return the transducer of the speed at which a load brakes: the output's or, on a rig without one, that of its own body.
+
+        Raises
+        ------
+        RigError
+            When nothing measures that speed.
+        """
+        if self.output is not None:
+            return self.output.speed
+        shows = f"{self.device(load).wires['body']}.speed"
+        if not (found := [one.name for one in self.transducers if one.shows == shows]):
+            raise RigError(
+                f"a torque of {load} needs the speed of its body, which nothing measures; set its pressure, or give "
+                f"transducers one with type: speed, shows: {shows}"
+            )
+        return found[0]
+
     def oil_of(self, device: Device, key: str = "oil") -> str:
         """Return the name of a device's oil supply: the one that the device names, or the first of the rig."""
         return device.wires.get(key) or self.of_role(parts.OIL)[0].name

@@ -49,6 +49,11 @@ class TransducerType:
     filtered: bool = False
 
 
+def measures_both_signs(kind: str, low: float) -> bool:
+    """Return whether a transducer of a type measures both signs: each one of a signed type, and one whose range begins below 0."""
+    return TRANSDUCER_TYPES[kind].signed or low < 0.0
+
+
 def measured_range(kind: str, low: float, high: float, largest: float) -> tuple[float, float]:
     """Return the ends of what a transducer can show.
 
@@ -63,9 +68,8 @@ def measured_range(kind: str, low: float, high: float, largest: float) -> tuple[
     largest : float
         Its class, a share of the range.
     """
-    signed = TRANSDUCER_TYPES[kind].signed or low < 0.0
     # one that does not measure both signs shows its error below zero too
-    return (-high if signed else -largest * high), high
+    return (-high if measures_both_signs(kind, low) else -largest * high), high
 
 
 def _class() -> Any:

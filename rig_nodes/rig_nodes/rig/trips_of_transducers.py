@@ -17,7 +17,7 @@ from ..base import SAMPLE
 from ..plant import ERRATIC, LOST
 from ..plant import part as parts
 from .structure import Transducer
-from .transducer_types import TRANSDUCER_TYPES
+from .transducer_types import TRANSDUCER_TYPES, measures_both_signs
 from .trip import ABOVE_RANGE, GEAR, MEASURED, SHIFTING, STAYED, Condition, Sum, Trip
 
 if TYPE_CHECKING:
@@ -36,8 +36,9 @@ def engaged(number: int, name: str) -> tuple[Condition, Condition]:
 
 
 def reading(one: Transducer) -> Sum:
-    """Return what a transducer shows."""
-    return Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), TRANSDUCER_TYPES[one.type].signed)
+    """Return what a transducer shows; without the way in which it acts or turns, which a temperature below 0 has not."""
+    both = measures_both_signs(one.type, one.low) and one.type != "temperature"
+    return Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), both)
 
 
 def fitted(config: RigConfig) -> list[Transducer]:
@@ -113,7 +114,7 @@ def _joined(config: RigConfig, shown: Mapping[str, Transducer]) -> Iterator[Trip
 
 def _rests(config: RigConfig, one: Transducer, full: float) -> float:
     """Return the time [s] for which a healthy reading stays the same with a chance of BY_CHANCE."""
-    values, signed = config.instruments, TRANSDUCER_TYPES[one.type].signed or one.low < 0.0
+    values, signed = config.instruments, measures_both_signs(one.type, one.low)
     noise, step = getattr(values, f"{one.like}_noise", 0.0), getattr(values, f"{one.like}_step", 0.0)
     if noise <= 0.0:
         return math.inf
@@ -158,7 +159,7 @@ def _torques(config: RigConfig, into: Transducer, out: Transducer) -> Iterator[T
         if ratio is not None:
             text = f"difference of {into.name} and {out.name} by the ratio of gear {gear.name}"
             apart = Sum(text, ((f"{MEASURED}{into.name}", ratio), (f"{MEASURED}{out.name}", -1.0)), True)
-            limit = 0.15 * full * max(1.0, ratio)
+            limit = 0.15 * full * max(1.0, abs(ratio))
             source = "assumed: 15 % of the full scale on the input, more than losses and inertias take for so long"
             name = f"contradicts_{into.name}_{gear.name}"
             yield Trip(name, apart, "torque", limit, source, ERRATIC, 2.0, True, engaged(number, gear.name))

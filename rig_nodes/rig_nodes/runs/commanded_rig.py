@@ -19,6 +19,7 @@ from ..base import COMMAND_TIMEOUT, SAMPLE_NS, RigError
 from ..controllers import LEVELS, refusal
 from ..plant import BY_DUTY, BY_SETPOINT
 from ..plant import alfa46_law as law
+from .faults import NEVER
 from .rig_base import RigBase
 from .trips import BAD_CONTROLLER
 
@@ -74,6 +75,8 @@ class CommandedRig(RigBase):
         Its faults; None while they are disabled.
     idle_command : str
         Why the newest command was taken but does not act; empty when it acts.
+    asked_from : int
+        Sample from which a controller outside is asked: 0, or that of :meth:`ask_anew`.
     """
 
     config: RigConfig
@@ -84,6 +87,7 @@ class CommandedRig(RigBase):
     valve_names: tuple[str, ...]
     valves: list[np.void]
     faults: Faults | None
+    asked_from: int
 
     @property
     @abstractmethod
@@ -102,13 +106,17 @@ class CommandedRig(RigBase):
         self._silent, self._trouble = False, ""  # tripped for the age of the commands; what is known of why none comes
         self._duty, self._wiring = np.zeros(outputs), list(config.wiring)
         self._nothing = (0.0,) * outputs  # a command that asks for no output
-        self._to_come: deque[tuple] = deque()  # commands that do not act yet: boundary, function, values
-        self._last_command = (
-            self._arrived
-        ) = -1  # samples that the newest valid command from outside, and the newest to arrive, answer
+        self._to_come: deque[tuple] = deque()  # commands that do not act yet: boundary, function, values, sample
+        self._last_command = -1  # sample that the newest valid command from outside answers
+        self._arrived = -1  # that of the newest to arrive; first that of the first one, so that an age counts where none arrives
         self._held_open = False  # True after a reset: no command acts until the controller has been in neutral
         self.idle_command = ""
         self._ordered: int | None = None  # gear that the embedded controller takes at its next sample
+        self.ask_anew()
+
+    def ask_anew(self) -> None:
+        """Give a controller outside, from the present sample on, the time that a silent one has for its first answer."""
+        self.asked_from = self.sample
 
     @property
     def output_names(self) -> str:
@@ -123,8 +131,15 @@ class CommandedRig(RigBase):
 
     @property
     def command_age(self) -> float:
-        """Simulated time [s] since the sample that the newest command to arrive answers; 0 before the first command."""
-        newest = self.newest_command if self.embedded else self._arrived
+        """Simulated time [s] since the sample that the newest command to arrive answers; 0 before the first command.
+
+        A late command arrives when its delay is over. Where none arrives, the age counts from the first answered sample.
+        """
+        if self.embedded:
+            newest = self.newest_command
+        else:
+            arrived = (sample for boundary, _, _, sample, *_ in self._to_come if boundary - self.delay <= self.sample)
+            newest = max([self._arrived, *arrived])
         return (self.sample - newest) * (SAMPLE_NS * 1e-9) if newest >= 0 else 0.0
 
     def _silence(self) -> str:
@@ -238,7 +253,8 @@ class CommandedRig(RigBase):
         self._send(sample, self._act_duty, duty if self._may_act("duty", values) else self._nothing, 1.0)
         self._act_due()
 
-    def _act_duty(self, duty: list[float]) -> None:
+    def _act_duty(self, duty: list[float], sample: int) -> None:
+        self._arrived = max(self._arrived, sample)
         for valve, output in zip(self.valves, self._wiring):
             valve["pending"] = duty[output]
 
@@ -283,11 +299,20 @@ class CommandedRig(RigBase):
         arrives = [(sample + self.delay, values)]
         if self.faults is not None:
             arrives = self.faults.carried(sample + self.delay, sample, values, most)
-        if arrives:
-            self._arrived = int(sample)
-        self._to_come.extend((boundary, act, one, *more) for boundary, one in arrives)
+        if self._arrived < 0:
+            self._arrived = int(sample)  # lost or late, too: the age counts from here
+        if not arrives:
+            return
+        came = self._to_come
+        copies = [came.pop()] if came and came[-1][0] == NEVER else []  # of the command before, which waits for this one
+        (boundary, own), *again = arrives
+        boundary = max(boundary, came[-1][0] if came else boundary)  # none overtakes another
+        came.append((boundary, act, own, int(sample), *more))
+        came.extend((boundary, *copy[1:]) for copy in copies)
+        came.extend((later, act, one, int(sample), *more) for later, one in again)
 
-    def _act_current(self, setpoint: list[float], flags: int) -> None:
+    def _act_current(self, setpoint: list[float], sample: int, flags: int) -> None:
+        self._arrived = max(self._arrived, sample)
         for k, value in enumerate(setpoint):
             self._law_outputs["setpoint"][k] = value
             self._law_outputs["phase"][k] = law.ON if value > 0.0 or flags >> k & 1 else law.OFF

@@ -67,9 +67,12 @@ def check_under_faults(load: Callable[[RigConfig], Plug], config: RigConfig) -> 
     Raises
     ------
     RigError
-        When the rig has no gears, motor, load and supply, or the controller does not shift without a fault.
+        When the rig lacks two gears, motor, load or supply, or the controller does not shift without a fault.
     """
     check_gearbox(config, "controller check --faults")
+    if len(config.structure.gears) < 2:
+        only = config.structure.gears[0].name
+        raise RigError(f"controller check --faults shifts from one gear to the next; '{config.name}' has gear {only} alone")
     healthy = _shift(load, config, "on")
     if healthy.trip or healthy.took is None:
         raise RigError(f"the controller does not shift without a fault: {healthy.reason or 'the gear was not reached'}")

@@ -111,12 +111,11 @@ class _Column:
 class _Channel(_Written):
     """A transducer as a target."""
 
-    def __init__(self, rig: Rig, name: str, other: str) -> None:
+    def __init__(self, rig: Rig, name: str, other: str, swaps: list[tuple[str, str]]) -> None:
         self.rig, self.name, self.other = rig, name, other
         one = next(one for one in rig.config.structure.transducers if one.name == name)
         super().__init__(_Column(rig.gauges.table, rig.channels.index(name)))
-        self.span = getattr(rig.config.instruments, f"{one.like}_range")
-        self._swapped = False
+        self.span, self._swaps = getattr(rig.config.instruments, f"{one.like}_range"), swaps
 
     def held(self) -> float:
         """Return what it read as the fault began, in its range [SI]."""
@@ -126,14 +125,8 @@ class _Channel(_Written):
 
     def swap(self) -> None:
         """Exchange its wire and that of the next one of its type."""
-        self._swapped = not self._swapped
+        self._swaps.append((self.name, self.other))
         self.rig.swap_wires(self.name, self.other)
-
-    def restore(self) -> None:
-        """Write the healthy values back."""
-        if self._swapped:
-            self.swap()
-        super().restore()
 
 
 class Faults:
@@ -156,6 +149,7 @@ class Faults:
         self._rig, self.known = rig, faults_of(rig.config)
         self.acting: list[Acting] = []
         self._targets: dict[str, _Written] = {}
+        self._swaps: list[tuple[str, str]] = []  # transducers whose wires are exchanged, one pair after the other
         self._messages: dict[str, float] = dict.fromkeys((LATE, LOST, DOUBLED, CORRUPTED), 0.0)
         self._news: list[News] = []
         self._readings: Any = None
@@ -301,6 +295,8 @@ class Faults:
         """Take back what all faults have written, for a change of the healthy values; :meth:`apply` writes it again."""
         for target in self._targets.values():
             target.restore()
+        while self._swaps:  # two that share a wire come apart only in reversed order
+            self._rig.swap_wires(*self._swaps.pop())
         self._messages.update(dict.fromkeys(self._messages, 0.0))
 
     def apply(self) -> None:
@@ -329,7 +325,7 @@ class Faults:
         key = _key(one.order)
         if key not in self._targets:
             if of.fault.part == TRANSDUCER:
-                self._targets[key] = _Channel(rig, of.owner, of.configs[1])
+                self._targets[key] = _Channel(rig, of.owner, of.configs[1], self._swaps)
             elif of.fault.part == MESSAGES:
                 self._targets[key] = _Written(self._messages)
             else:
@@ -355,14 +351,14 @@ class Faults:
         Returns
         -------
         list of (int, list of float)
-            Boundaries and values; empty where the command is lost.
+            Boundaries and values; empty where the command is lost. NEVER is the boundary of a copy, which waits for the next one.
         """
         if self._drawn(LOST, sample):
             return []
         values, boundary = list(values), boundary + round(self._messages[LATE] / SAMPLE)
         if self._drawn(CORRUPTED, sample):
             values = [most * self._uniform(CORRUPTED, sample, k + 1) for k in range(len(values))]
-        return [(boundary, values), *([(boundary + 1, values)] if self._drawn(DOUBLED, sample) else [])]
+        return [(boundary, values), *([(NEVER, values)] if self._drawn(DOUBLED, sample) else [])]
 
     def _drawn(self, what: str, sample: int) -> bool:
         return self._messages[what] > 0.0 and self._uniform(what, sample, 0) < self._messages[what]

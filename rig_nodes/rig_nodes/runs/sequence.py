@@ -357,13 +357,24 @@ def _setting(setting: Setting) -> Callable[[Any, str | Path, str, RigConfig], li
             return [Step(kind, f"{kind} off", where, enable=False)]
         value = quantity(body[key], choices[key], f"{where}: {kind}.{key}")
         by_torque = choices[key] == "torque"
-        high = config.catalogue.signals[config.structure.output.torque].high if by_torque else setting.high
-        low = 0.0 if by_torque else setting.low
+        low, high = setting.low, setting.high
+        if by_torque:
+            low, high = _torques(setting.setpoint.device, config, f"{where}: {kind}.{key}")
         if not low <= value <= high:
             raise RigError(f"{where}: {kind}.{key} is {body[key]}; the rig takes {span(low, high, body[key])}")
         return [Step(kind, f"{kind} {key} {body[key]}", where, value, by_torque=by_torque)]
 
     return read
+
+
+def _torques(load: str, config: RigConfig, where: str) -> tuple[float, float]:
+    """Return the range of the torque of a load [Nm]; RigError where its speed is not known."""
+    try:
+        config.structure.speed_of_load(load)
+    except RigError as error:
+        raise RigError(f"{where}: {error}") from None
+    output = config.structure.output
+    return 0.0, config.catalogue.signals[output.torque].high if output else most_torque(config.values(load))
 
 
 def _shift(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:

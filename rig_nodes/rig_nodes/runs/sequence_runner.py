@@ -183,12 +183,10 @@ class SequenceRunner:
             if not step.by_torque:
                 self.bench.set(step.kind, step.value, step.enable)
                 return
-            load, speed = (
-                getattr(self.config, self.config.settings.steps[step.kind].setpoint.device),
-                self.config.structure.output.speed,
-            )
+            load = self.config.settings.steps[step.kind].setpoint.device
+            speed = self.bench.reading(self.config.structure.speed_of_load(load))
             try:
-                self.bench.set(step.kind, relief_setting_for(step.value, self.bench.reading(speed), load), step.enable)
+                self.bench.set(step.kind, relief_setting_for(step.value, speed, self.config.values(load)), step.enable)
             except RigError as error:
                 raise RigError(f"{step.text} needs too much of the relief valve at this speed: {error}") from None
 

@@ -223,6 +223,7 @@ class Session:
         """Leave the safe state after a trip, as ``rig reset`` does; RigError when the rig is not in it."""
         self.rig.reset()
         self._command, self._gear, self._tripped = None, 0, False
+        self.rig.ask_anew()
 
     # ---- what is set
 
@@ -296,7 +297,8 @@ class Session:
             torque, load = quantity(value, "torque", step), getattr(rig.config, setting.setpoint.device)
             if torque < 0.0:
                 raise RigError(f"{step} is {value}; expected a torque of 0 Nm or more, which acts against the motion")
-            value = relief_setting_for(torque, rig.measurement(rig.config.structure.output.speed), load)
+            speed = rig.measurement(rig.config.structure.speed_of_load(setting.setpoint.device))
+            value = relief_setting_for(torque, speed, load)
         elif isinstance(value, str):
             value = quantity(value, setting.dimension, step)
         else:

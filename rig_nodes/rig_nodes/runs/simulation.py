@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from .. import __version__
 from ..bags import LIBRARY_OF_RUN, BagWriter
-from ..base import COMMAND_TIMEOUT, SAMPLE_NS, SWITCH, TICK_SAMPLES, RigError, Uninterrupted, ended_by
+from ..base import COMMAND_TIMEOUT, SAMPLE, SAMPLE_NS, SWITCH, TICK_SAMPLES, RigError, Uninterrupted, ended_by
 from ..controllers import DECLARED, Answer, ControllerFailed, Plug
 from ..rig import CHANGED, CONTROLLER, CONTROLLER_EVENTS, OWN, SHIFT_ORDERED, RigConfig, check_gains, own_setting
 from .bag_outputs import BagOutputs
@@ -304,8 +304,10 @@ def advance_with(rig: Rig, controller: Plug) -> bool:
         give_answer(rig, controller, sample, answer)
     if rig.delay == 0:
         rig.advance_samples(1)
-    if answer is None and rig.status == RigStatus.STARTING and rig.time > COMMAND_TIMEOUT:
-        rig.trip(f"none of the first {sample + 1} samples was answered: {controller.trouble}", NO_COMMAND)
+    asked = rig.sample - rig.asked_from
+    if answer is None and rig.newest_command < 0 and not rig.safe and asked * SAMPLE > COMMAND_TIMEOUT:
+        after = " after the reset" if rig.asked_from else ""
+        rig.trip(f"none of the first {asked} samples{after} was answered: {controller.trouble}", NO_COMMAND)
     return answer is not None
 
 

@@ -8,6 +8,7 @@ nodes.panel.description finds them.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from ...base import RigError
@@ -35,10 +36,11 @@ class Load:
     def __init__(self, config: RigConfig, relief: Setting) -> None:
         assert relief.setpoint is not None
         self._values, output = config.values(relief.setpoint.device), config.structure.output
-        self.relief, self.speed = relief, output.speed
-        self._scale = config.catalogue.signals[output.speed].scale
-        most = min(config.catalogue.signals[output.torque].high, most_torque(self._values))
-        text = f"Torque of the load at the present {output.speed}"
+        self.relief, self.speed = relief, config.structure.speed_of_load(relief.setpoint.device)
+        known, most = config.catalogue.signals, most_torque(self._values)
+        self._scale = known[self.speed].scale
+        most = most if output is None else min(known[output.torque].high, most)
+        text = f"Torque of the load at the present {self.speed}"
         self.torque = Setting(f"{relief.owner}.torque", text, "torque", 0.0, most, live=True, setpoint=relief.setpoint)
 
     def relief_for(self, torque: float, tracks: Tracks) -> float:
@@ -63,4 +65,9 @@ class Load:
 def loads_of(config: RigConfig) -> dict[str, Load]:
     """Return the loads of a rig by the names of their torques: what takes a torque in a sequence."""
     reliefs = [one for one in config.settings.steps.values() if "torque" in one.setpoint.command.takes and one.live]
-    return {load.torque.name: load for load in (Load(config, one) for one in reliefs if not one.lacking)}
+    found: dict[str, Load] = {}
+    for one in reliefs:
+        with suppress(RigError):  # nothing measures the speed by which its torque depends on its setting
+            load = None if one.lacking else Load(config, one)
+            found |= {load.torque.name: load} if load else {}
+    return found

@@ -267,7 +267,7 @@ class _Reader:
                 found[key] = quantity(node[key], dimension, f"{where_of(self.path, node, key)}: {node['id']}.{key}")
         if found["low"] > found["high"]:
             self.refuse("low", f"is {node['low']}, above high, which is {node['high']}")
-        if found["low"] == found["high"] and node["role"] == "calibrate":
+        if found["low"] == found["high"] and node["role"] == "calibrate" and "calculation" not in node:
             self.refuse("low", f"is {node['low']} as high is; a row to calibrate by has a width, by which its miss is measured")
         if "printed" in found:
             found["printed"] = (found["printed"],)
