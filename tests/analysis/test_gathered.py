@@ -5,13 +5,15 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from rig_nodes.analysis.gathered import Thinned
 from rig_nodes.analysis.of_runs import gathering
 from rig_nodes.analysis.run_report import build_report
 from rig_nodes.bags.opened import OpenedBags
-from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.reader import Bag, Logger
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import BagError
 from rig_nodes.rig.configuration import load_rig
@@ -67,9 +69,12 @@ def runs(tmp_path_factory):
     }
 
 
-def in_pieces(folder, size):
+SMALL = ["/rig/run_info", "/controller/events", "/sequencer/events", "/rig/events", "/instruments/channels"]
+
+
+def in_pieces(folder, size, topics=SMALL):
     with OpenedBags([folder]) as index:
-        small = index.bag(["/rig/run_info", "/controller/events", "/sequencer/events", "/rig/events", "/instruments/channels"])
+        small = index.bag(topics)
     gathered = gathering(folder, small, RUN)
     for piece in Bag.pieces(folder, size):
         gathered.add(piece)
@@ -102,3 +107,32 @@ def test_rows_that_come_again_in_a_later_piece_are_refused(runs):
     gathered.add(next(Bag.pieces(runs["a shift"], 200_000)))
     with pytest.raises(BagError, match=f"blocks of {LOGGER} overlap or are out of order"):
         gathered.shifts()
+
+
+def test_rows_far_behind_the_end_of_a_run_are_refused_also_where_only_every_nth_is_kept():
+    thinned, logger = Thinned(10.0, 1000), Logger(0.0, 1e-3, {"p1": np.zeros(10)})
+    thinned.add(0, logger)
+    with pytest.raises(BagError, match=f"a block begins with row {2**60}, far behind the end of the run"):
+        thinned.add(2**60, logger)
+
+
+def test_a_garbled_message_of_one_topic_hides_no_fault_of_those_behind_it(tmp_path):
+    """Its own numbers are not known, and no number of lost messages can be given."""
+    bag = Bag(SAMPLE)
+    rows = [row for row in bag.timeline() if row[1] in ("/motor/state", "/load_pump/state", "/rig/run_info")]
+    rows[60] = (rows[60][0], "/motor/state", b"\0\1\0\0short")
+    rows += [row for row in rows if row[1] == "/load_pump/state"][:3]  # there twice
+    with open(tmp_path / "run_0.mcap", "wb") as file:
+        writer, channels = Writer(file), {}
+        writer.start("ros2", "another")
+        for topic in ("/motor/state", "/load_pump/state", "/rig/run_info"):
+            schema = writer.register_schema(bag.types[topic], "ros2msg", bag.channel(topic)[1].encode())
+            channels[topic] = writer.register_channel(topic, "cdr", schema)
+        for time, topic, data in rows:
+            writer.add_message(channels[topic], time, data, time)
+        writer.finish()
+    gathered = in_pieces(tmp_path, 200_000, ["/rig/run_info"])
+    assert any(one.startswith("/load_pump/state: 3 of ") for one in gathered.disorder())
+    assert not any("/motor/state" in one for one in gathered.disorder())
+    with pytest.raises(BagError, match="a message of /motor/state "):
+        gathered.gaps()

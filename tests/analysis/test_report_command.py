@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 from synthetic_shift import FakeBag, Shift
 
+from rig_nodes.analysis.gathered import LOGGER
 from rig_nodes.analysis.run_report import build_report, write_report
+from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import RigError
@@ -212,3 +214,54 @@ def test_a_loggers_file_is_sent_to_import(rig_report, tmp_path):
     (tmp_path / "a.csv").write_text("t [s];p1 [bar]\n0;1\n1;1\n")
     with pytest.raises(RigError, match=r"is a logger's file; a run, which has a report, is made of it by ./rig import .*a.csv"):
         rig_report(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    "beside",
+    [
+        {"lateness_ms": 5},
+        {"left_out": 3},
+        {"left_out": {"/a": "many"}},
+        {"lateness_ms": {"p50": "slow"}},
+        {"recorded_from_s": "late"},
+        {"lost": 1, "lost_by_topic": 7},
+        {"unreadable": 3, "unrecorded_topics": 4, "other_clocks": 5, "behind": 6},
+    ],
+)
+def test_a_report_that_others_have_written_is_read_as_far_as_it_can_be(beside, rig_report, tmp_path, capsys):
+    (tmp_path / "report.json").write_text(json.dumps({"run": {"seed": 7, **beside}}))
+    assert rig_report(tmp_path) == 0
+    printed = capsys.readouterr().out
+    assert "end: " in printed and "left out by the recorder" not in printed and "lateness of ticks" not in printed
+
+
+@pytest.mark.parametrize("text", ["", '{"published": {"/motor/', "[]", '{"reason": ""}'])
+def test_what_a_process_could_not_write_to_its_end_tells_nothing(text, rig_report, tmp_path, capsys):
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "container.json").write_text(text)
+    assert rig_report(tmp_path) == 0
+    assert "end: the run left no report" in capsys.readouterr().out
+
+
+def test_a_shift_0_is_none_of_a_folder_of_runs(sample, tmp_path, capsys):
+    folder = tmp_path / "series"
+    for n in (1, 2):
+        shutil.copytree(sample, folder / f"series-{n}")
+    assert main(["report", str(folder), "--picture", str(tmp_path / "a.svg"), "--shift", "0"]) == 2
+    assert "--shift 0: these runs have" in capsys.readouterr().err and not (tmp_path / "a.svg").exists()
+
+
+def test_a_run_of_which_a_logger_jumps_in_its_rows_has_its_other_results(tmp_path, capsys):
+    bag, blocks = Bag(SAMPLE), 0
+    columns = len(bag.columns(LOGGER))
+    encode = encoder("rig_msgs/msg/SampleBlock").encode
+    with BagWriter(tmp_path, "run", topics=bag.catalogue.all_topics) as writer:
+        for time, topic, data in bag.timeline():
+            if topic == LOGGER:
+                blocks += 1
+                if blocks > 100:
+                    data = encode(time, blocks - 1, (blocks - 1) * 50 + 2**60, 1e-4, 50, columns, [0.0] * 50 * columns)
+            writer.write(topic, bag.types[topic], data, time)
+        writer.end("ended", "the sequence ended")
+    assert main(["report", str(tmp_path)]) == 3
+    assert " rows are missing between its blocks, more than the " in capsys.readouterr().out

@@ -316,7 +316,9 @@ def test_a_signal_is_an_array_with_times_and_a_unit(run):
     assert np.allclose(copy.deepcopy(late), late) and np.max([p2.to("MPa")]) == p2.to("MPa").max()
     again = pickle.loads(pickle.dumps(late))
     assert again.unit == "Pa" and np.array_equal(again.time, late.time)
-    with pytest.raises(rig_nodes.RigError, match="p2 is in Pa and not to be had in 'rpm'; expected one of Pa, kPa, MPa, bar"):
+    with pytest.raises(
+        rig_nodes.RigError, match="p2 is in Pa and not to be had in 'rpm'; expected one of Pa, kPa, MPa, mbar, bar, psi"
+    ):
         p2.to("rpm")
     with pytest.raises(rig_nodes.RigError, match="there is no signal 'p3' in the run"):
         run.signals["p3"]

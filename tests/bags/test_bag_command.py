@@ -3,6 +3,8 @@
 
 """`rig bag` on the sample bag and on its copies by other programs: pieces, packed files, sqlite3, damage."""
 
+import errno
+import os
 import re
 from pathlib import Path
 
@@ -17,6 +19,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.base.errors import BagError
 from rig_nodes.cli.main import main
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
@@ -172,3 +175,83 @@ def test_a_broken_file_of_another_form_is_one_sentence(name, capfd, tmp_path):
     (tmp_path / name).write_bytes(b"nothing of the kind" * 100)
     code, _, err = rig_bag(capfd, "check", tmp_path / name)
     assert code == 1 and "cannot be" in err and err.count("\n") == 1, err
+
+
+@pytest.mark.parametrize("work", ["info", "recover"])
+def test_a_path_that_the_system_refuses_is_one_sentence(work, capfd, tmp_path):
+    long = "a" * 300
+    arguments = [work, long] if work == "info" else [work, SAMPLE, "--out", tmp_path / long]
+    code, _, err = rig_bag(capfd, *arguments)
+    assert code == 1 and "(File name too long)" in err and err.count("\n") == 1, err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_without_access_is_one_sentence(capfd, tmp_path, monkeypatch):
+    def closed(self):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+
+    monkeypatch.setattr(Path, "iterdir", closed)  # root has access to every folder
+    code, _, err = rig_bag(capfd, "info", tmp_path)
+    assert (code, err) == (1, f"rig: {tmp_path}: cannot be read (Permission denied)\n")
+
+
+@pytest.mark.parametrize("first", ["no_such_bag", "a" * 300])
+def test_after_a_bag_that_cannot_be_read_the_next_one_is_looked_at(first, capfd):
+    code, out, err = rig_bag(capfd, "check", first, SAMPLE)
+    assert code == 1 and f"{SAMPLE}: whole, " in out and err.startswith(f"rig: {first}: ") and err.count("\n") == 1
+
+
+@pytest.fixture
+def garbled(sample, tmp_path):
+    """The sample with a message of /motor/state that is cut short, and without one of a topic that comes behind it."""
+    path = tmp_path / "garbled.mcap"
+    left_out = sample.timeline(["/load_pump/state"])[7]
+    with open(path, "wb") as file:
+        writer = LibraryWriter(file)
+        writer.start("ros2", "another")
+        numbers = {}
+        for topic in ("/motor/state", *(topic for topic in sample.types if topic != "/motor/state")):
+            _, text, about = sample.channel(topic)
+            schema = writer.register_schema(sample.types[topic], "ros2msg", text.encode())
+            numbers[topic] = writer.register_channel(topic, "cdr", schema, about)
+        state = 0
+        for row in sample.timeline():
+            time, topic, data = row
+            state += topic == "/motor/state"
+            if row != left_out:
+                data = data[:9] if (topic, state) == ("/motor/state", 5) else data
+                writer.add_message(numbers[topic], time, data, time)
+        writer.finish()
+    return path
+
+
+def test_a_message_that_cannot_be_decoded_is_named_and_hides_no_lost_one(garbled, sample, capfd, tmp_path):
+    code, out, err = rig_bag(capfd, "check", garbled)
+    assert code == 3 and out == ""
+    assert "a message of /motor/state " in err and "/load_pump/state lost 1 messages" in err and "1 messages are lost" in err
+    saved = tmp_path / "saved"
+    assert rig_bag(capfd, "recover", garbled, "--out", saved)[0] == 0
+    assert [len(data) for _, data in Bag(saved).raw("/motor/state")].count(9) == 1
+    with pytest.raises(BagError, match="a message of /motor/state "):
+        Bag(garbled).gaps()
+    problems = Bag(garbled).check()
+    assert any("a message of /motor/state " in one for one in problems)
+    assert any(one.startswith("/load_pump/state lost 1 of ") for one in problems)
+
+
+def test_recovery_leaves_messages_of_one_time_as_they_are_where_one_of_them_has_no_number(sample, capfd, tmp_path):
+    path, rows = tmp_path / "twice.mcap", list(sample.raw("/motor/state"))[:3]
+    sent = [rows[2][1], rows[0][1][:9], rows[1][1]]
+    with open(path, "wb") as file:
+        writer = LibraryWriter(file)
+        writer.start("ros2", "another")
+        for topic, messages in (("/rig/run_info", [data for _, data in sample.raw("/rig/run_info")]), ("/motor/state", sent)):
+            _, text, about = sample.channel(topic)
+            schema = writer.register_schema(sample.types[topic], "ros2msg", text.encode())
+            number = writer.register_channel(topic, "cdr", schema, about)
+            for data in messages:
+                writer.add_message(number, 10**9, data, 10**9)
+        writer.finish()
+    code, _, err = rig_bag(capfd, "recover", path, "--out", tmp_path / "saved")
+    assert "Traceback" not in err and code in (0, 3)
+    assert [data for _, data in Bag(tmp_path / "saved").raw("/motor/state")] == sent

@@ -5,18 +5,24 @@
 
 import sqlite3
 import struct
+from pathlib import Path
 
 import crafted
 import pytest
+import yaml
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from ruamel.yaml import YAML
 
+from rig_nodes.bags.canonical import canonical_hash
 from rig_nodes.bags.copy import check
 from rig_nodes.bags.opened import OpenedBags
+from rig_nodes.bags.pieces import read_metadata
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import BagError
 from rig_nodes.cli.main import main
 
+SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 FLOAT = b"\0\1\0\0" + struct.pack("<d", 1.5)
 PROTOBUF = b"\x0a\xff\xfe\x00binary"
 # topic -> message encoding, type, encoding and bytes of the definition (None: no definition at all), message
@@ -159,6 +165,11 @@ def test_a_topic_of_two_types_is_two_channels_that_a_copy_keeps(tmp_path, capfd)
     with open(tmp_path / "out" / "out_0.mcap", "rb") as file:
         found = {(schema.name, channel.topic) for schema, channel, _ in make_reader(file).iter_messages()}
     assert found == {("a/msg/B", "/x"), ("a/msg/C", "/x")}
+    assert main(["bag", "check", str(tmp_path / "out")]) == 0 and Bag(tmp_path / "out").check() == []
+    assert "whole, 2 messages" in capfd.readouterr().out
+    text = (tmp_path / "out" / "metadata.yaml").read_text()
+    (tmp_path / "out" / "metadata.yaml").write_text(text.replace("message_count: 1", "message_count: 4", 2))
+    assert main(["bag", "check", str(tmp_path / "out")]) == 3 and "/x lost " in capfd.readouterr().err
 
 
 def test_the_head_of_a_chunk_with_wrong_times_loses_no_message(tmp_path):
@@ -224,3 +235,51 @@ def test_a_logger_of_another_definition_is_one_sentence(tmp_path, capfd):
         for verb in ("report", "view"):
             main([verb, str(path), *(["--no-open"] if verb == "view" else [])])
             assert "Traceback" not in "".join(capfd.readouterr())
+
+
+def test_a_page_of_a_run_has_a_hash_also_of_what_cannot_be_understood(tmp_path, capfd):
+    add_others(tmp_path / "run_0.mcap", Bag(SAMPLE))
+    assert main(["report", str(tmp_path), "--html", str(tmp_path / "page.html")]) == 0, capfd.readouterr().err
+    digest = Bag(tmp_path).canonical_hash()["all"]
+    assert canonical_hash(tmp_path)["all"] == digest and digest in (tmp_path / "page.html").read_text(encoding="utf-8")
+    hashes = []
+    for data in (FLOAT, FLOAT[:-1] + b"\x40"):
+        (tmp_path / "one.mcap").write_bytes(crafted.one("class A: pass\n", data))
+        hashes.append(canonical_hash(tmp_path / "one.mcap")["/x"])
+    assert hashes[0] != hashes[1], "its bytes count"
+
+
+def test_a_garbled_message_of_the_rig_counts_for_the_hash_as_it_is(tmp_path):
+    bag = Bag(SAMPLE)
+    rows = list(bag.raw("/motor/state"))
+
+    def written(name, place, data):
+        with open(tmp_path / name, "wb") as file:
+            writer = Writer(file, chunk_size=10_000)
+            writer.start("ros2", "another")
+            schema = writer.register_schema(bag.types["/motor/state"], "ros2msg", bag.channel("/motor/state")[1].encode())
+            number = writer.register_channel("/motor/state", "cdr", schema)
+            for at, (time, whole) in enumerate(rows):
+                writer.add_message(number, time, data if at == place else whole, time)
+            writer.finish()
+        return tmp_path / name
+
+    hashes = set()
+    for name, place, data in (("none.mcap", -1, b""), ("short.mcap", 400, rows[400][1][:9]), ("other.mcap", 400, rows[400][1][:7])):
+        path = written(name, place, data)
+        hashes.add(digest := Bag(path).canonical_hash()["all"])
+        assert canonical_hash(path)["all"] == digest
+    assert len(hashes) == 3
+
+
+@pytest.mark.parametrize("name", ["42", "true", "null", "y", "Off", "0x1f", "1.5", "~", "/x", "a b", "_", "a: b"])
+def test_a_copy_is_whole_whatever_its_channels_are_called(name, tmp_path, capfd):
+    path = tmp_path / "bag.mcap"
+    path.write_bytes(crafted.file(crafted.chunk(crafted.schema() + crafted.channel(topic=name) + crafted.message() * 3)))
+    assert main(["bag", "recover", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert read_metadata(tmp_path / "out").counts == {name: 3}
+    for loader in (YAML(typ="safe", pure=True).load, yaml.safe_load):  # of YAML 1.2 and of 1.1
+        entry = loader((tmp_path / "out" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]["topics_with_message_count"]
+        assert [(one["topic_metadata"]["name"], one["message_count"]) for one in entry] == [(name, 3)]
+    assert main(["bag", "check", str(tmp_path / "out")]) == 0
+    assert "whole, 3 messages of 1 topics" in capfd.readouterr().out

@@ -274,7 +274,14 @@ def test_profiles_of_every_rosbag2_are_read():
     assert not old.reliable and old.latched and old.deadline_ns == 0
     assert offered_by(numbers_of_humble + profile_text("measurement")).reliable
     assert offered_by("").reliable and not offered_by("").latched
-    for text in ("best effort, please", "- 7", "x" * 30_000, "[" * 200):
+    for text in (
+        "best effort, please",
+        "- 7",
+        "x" * 30_000,
+        "[" * 200,
+        '- {depth: !!int ""}',
+        "- {deadline: {sec: 0, nsec: !!int ''}}",
+    ):
         assert offered_by(text).problem and offered_by(text).reliable, "what cannot be read is a fault of no message"
     partial = offered_by("- reliability: best_effort\n")
     assert not partial.reliable and partial.problem == "it gives no durability"

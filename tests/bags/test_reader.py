@@ -133,6 +133,12 @@ def test_missing_logger_rows_are_said_or_filled(write_run, run, tmp_path):
         ([(0, 2, 2, [1.0] * 3)], "does not hold the 4 values"),
         ([(0, 2, 3, [1.0] * 6)], "3 columns where the channel list names 2"),
         ([], "has no topic"),
+        ([(2**63, 2, 2, [1.0] * 4)], "begins with row 9223372036854775808, which no run reaches"),
+        ([(0, 2, 2, [1.0] * 4), (2**62, 2, 2, [1.0] * 4)], "begins with row 4611686018427387904, which no run reaches"),
+        (
+            [(0, 2, 2, [1.0] * 4), (2**60, 2, 2, [1.0] * 4)],
+            f"{2**60 - 2} rows are missing between its blocks, more than the 134217728",
+        ),
     ],
 )
 def test_blocks_that_do_not_fit_are_refused(tmp_path, blocks, says):
@@ -147,7 +153,7 @@ def test_blocks_that_do_not_fit_are_refused(tmp_path, blocks, says):
             data = encoder("rig_msgs/msg/SampleBlock").encode(0, seq, first, 1e-4, rows, channels, values)
             writer.write(LOGGER, "rig_msgs/msg/SampleBlock", data, 0)
     with pytest.raises(BagError, match=says):
-        Bag(tmp_path).logger()
+        Bag(tmp_path).logger(fill=True)
 
 
 def test_hash_does_not_depend_on_how_topics_interleave(messages, run, tmp_path):

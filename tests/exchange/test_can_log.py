@@ -12,7 +12,9 @@ import cantools
 import pytest
 from laboratory import SAMPLE
 
+from rig_nodes.api.exported import exported
 from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.writer import LIBRARY_OF_RUN, BagWriter
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
 from rig_nodes.controllers.can.bus import open_bus
@@ -123,3 +125,25 @@ def test_an_imported_run_has_no_frames(tmp_path, capsys):
     assert main(["import", str(tmp_path / "a.csv"), "--rig", "hydmag", "--out", str(tmp_path / "run")]) == 0
     assert main(["export", "log", str(tmp_path / "run"), "--out", str(tmp_path / "a.log")]) == 2
     assert "holds no samples and answers of a shift controller" in capsys.readouterr().err and not (tmp_path / "a.log").exists()
+
+
+def test_a_run_without_a_message_after_its_start_is_one_sentence(bag, tmp_path, capsys):
+    with BagWriter(tmp_path / "run", "run", topics=bag.catalogue.all_topics) as writer:
+        for time, topic, data in bag.timeline():
+            if not time:
+                writer.write(topic, bag.types[topic], data, time)
+    assert main(["export", "blf", str(tmp_path / "run"), "--out", str(tmp_path / "a.blf")]) == 2
+    assert capsys.readouterr().err.endswith("nothing was recorded: the run was stopped before its time began\n")
+    assert not (tmp_path / "a.blf").exists()
+
+
+def test_the_log_of_a_run_that_was_cut_off_says_so(bag, tmp_path):
+    rows = bag.timeline()
+    with BagWriter(tmp_path / "run", "run", topics=bag.catalogue.all_topics, library=LIBRARY_OF_RUN) as writer:
+        for time, topic, data in rows[: len(rows) // 4]:
+            writer.write(topic, bag.types[topic], data, time)
+    for ending in (".blf", ".csv"):
+        found = exported(tmp_path / "run", tmp_path / f"a{ending}")
+        assert found.cut_off.startswith("the run was cut off at ") and found.file.exists()
+    whole = exported(SAMPLE, tmp_path / "whole.blf")
+    assert whole.cut_off == "" and whole.count > found.count

@@ -65,9 +65,8 @@ def test_a_load_is_given_as_torque_and_the_page_says_what_the_rig_makes_of_it(pa
     said = "document.querySelector(\"[data-setting='load_pump.torque'] .said\").textContent"
     page.until(f"{said}.startsWith('load_pump.torque is 900 Nm, outside 0 to')")
     slider = "document.querySelector(\"[data-setting='load_pump.torque'] [type=range]\")"
-    page.js(
-        f"(() => {{ const s = {slider}; s.max = 900; s.value = 900; for (const e of ['input', 'change']) s.dispatchEvent(new Event(e)); }})()"
-    )
+    pulled = "for (const event of ['input', 'change']) s.dispatchEvent(new Event(event))"
+    page.js(f"(() => {{ const s = {slider}; s.max = 900; s.value = 900; {pulled}; }})()")
     page.until(f"{said}.startsWith('load_pump.torque is 898.4 Nm, outside 0 to')")  # of the slider's steps
     page.until(f"Number({slider}.value) < 200")  # what the rig has
     page.write(field("load_pump.torque"), "60")

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bags import STATE, Bag, Logger, Numbers, OpenedBags, Recording, nothing_in, recovered
+from ..bags import STATE, Bag, Logger, Numbers, OpenedBags, Recording, limits, nothing_in, recovered
 from ..base import BagError, RigError
 from ..rig import Transmission, ranges_of
 from . import energy, no_change, state_at_order
@@ -60,9 +60,10 @@ class Thinned:
             self._t0, self._period = logger.t0, logger.period
             self._every = max(1, ceil(self._length / logger.period / self._most))
         skip = -first % self._every
-        self._parts.append(
-            ((first + skip) // self._every, {name: values[skip :: self._every].copy() for name, values in logger.channels.items()})
-        )
+        begin = (first + skip) // self._every
+        if begin * len(logger.channels) > limits.FILLED:  # the time of the run is not what the heads of its blocks say
+            raise BagError(f"{LOGGER}: a block begins with row {first}, far behind the end of the run")
+        self._parts.append((begin, {name: values[skip :: self._every].copy() for name, values in logger.channels.items()}))
 
     def recording(self, orders: Sequence[Order], box: Transmission) -> Recording:
         """Return the rows as a recording with orders; NaN where rows are missing."""
@@ -148,7 +149,6 @@ class Gathered:
         self._false_blocks: dict[str, str] = {}
         self._state: Any = None  # the rig's newest message of its state
         self.end, self.library = small.end, small.library
-        self._not_counted: RigError | None = None
         self.clipping = Clipping(box.ranges if box is not None else ranges_of(small.structure, small.record))
         wanted: dict[str, list[str]] = {}
         if box is not None and thinner is None:
@@ -174,10 +174,7 @@ class Gathered:
         if piece.counts.get(STATE):
             with suppress(RigError):
                 self._state = piece.newest(STATE)
-        try:
-            self._numbers.add(piece)
-        except RigError as error:
-            self._not_counted = error
+        self._numbers.add(piece)
         for topic, columns in self._fields.items():
             if piece.counts.get(topic) and topic not in self._no_fields:
                 try:
@@ -381,8 +378,7 @@ class Gathered:
 
     def gaps(self) -> dict[str, int]:
         """Return the number of lost messages by topic, as Bag.gaps does."""
-        if self._not_counted:
-            raise self._not_counted
+        self._numbers.check()
         return self._numbers.gaps(self.recorded_from > 0.0)
 
     def gap_of_last_life(self, topic: str) -> int:

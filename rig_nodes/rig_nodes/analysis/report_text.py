@@ -168,18 +168,24 @@ def _bounded(run: dict) -> bool:
     return prescribed.get("output_speed") == "bounded"
 
 
+def _numbers(value: object) -> dict[str, float]:
+    """Return the numbers of an object in a report; none of what is no such object, as in a report that others have written."""
+    held = value.items() if isinstance(value, dict) else ()
+    return {name: number for name, number in held if isinstance(number, (int, float))}
+
+
 def _run_lines(run: dict) -> list[str]:
     if all(run[key] is None for key in RUN_KEYS):
         return [f"problem: {problem}" for problem in run.get("problems", [])]  # a logger's file, which is not a run of the rig
-    since = f" (recorded from {run['recorded_from_s']:.3f} s on)" if run.get("recorded_from_s") else ""
+    begun = _numbers(run).get("recorded_from_s")
+    since = f" (recorded from {begun:.3f} s on)" if begun else ""
     lines = fault_lines(run.get("faults") or ())
     lines += [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}{since}"]
-    if left_out := run.get("left_out"):
+    if left_out := _numbers(run.get("left_out")):
         lines.append(f"left out by the recorder's options: {sum(left_out.values())} messages of {len(left_out)} topics")
-    late = run["lateness_ms"]
-    if late:
+    if late := _numbers(run["lateness_ms"]):
         names = {"p50": "median", "p99": "p99", "max": "max"}
-        shown = ", ".join(f"{names[key]} {late[key]:.2f}" for key in names if late.get(key) is not None)
+        shown = ", ".join(f"{names[key]} {late[key]:.2f}" for key in names if key in late)
         ticks = f"{run['overruns']} of {run['ticks']} ticks more than one tick late"
         lines.append(f"lateness of ticks: {shown} ms; {ticks}")
     end = run["end"]

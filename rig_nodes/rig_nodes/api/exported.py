@@ -94,7 +94,8 @@ def exported(
             raise RigError(
                 f"{target}: {kind} holds the frames of the rig's CAN database; signals, period and units are for other files"
             )
-        return Exported(target, export_can_log(kind, run, target, watch(None) if watch else None), [], "")
+        count, cut_off = export_can_log(kind, run, target, watch(None) if watch else None)
+        return Exported(target, count, [], cut_off)
     if seconds is not None and kind in ("mf4", "mat"):
         raise RigError(
             f"{target}: a period is for csv and parquet, which hold one table; {kind} holds each signal with its own times"

@@ -64,19 +64,21 @@ def check(bags: OpenedBags) -> Kept:
     kept = count(bags)
     lost, damage = Counter(kept.lost), list(kept.damage)
     numbers, whole, false = Numbers(), _of_rig(bags), {}
+    refused: dict[str, str] = {}  # by topic, why its numbers cannot be read
     for piece in bags.pieces:
         for part in Bag.pieces(piece.path, _PIECE, recover=True):
-            with suppress(RigError):  # messages that cannot be decoded have no numbers
-                numbers.add(part)
+            numbers.add(part)
             for topic, fault in part.false_blocks().items():
                 false.setdefault(topic, fault)
+        for topic, error in numbers.refused.items():  # to those of earlier pieces come those of this one
+            refused.setdefault(topic, str(error).removeprefix(f"{piece.path}: "))
         if not piece.damage:
             damage += part.damage
-    damage += [*numbers.disorder(whole), *false.values()]
+    damage += [*refused.values(), *numbers.disorder(whole), *false.values()]
     # a bag may begin later than its run, unless its recorder counted what it left out; an early end leaves no hole in the numbers
     for topic, holes in numbers.gaps(begun_late=not bags.left_out).items():
         lost[topic] = max(lost[topic], holes - bags.holes[topic])
-    return Kept(kept.counts, {topic: count for topic, count in lost.items() if count > 0}, damage, kept.unread)
+    return Kept(kept.counts, dict(+lost), damage, kept.unread or bool(refused))
 
 
 class AsSent:
@@ -112,9 +114,10 @@ class AsSent:
         for name, count in Counter(topic for topic, _ in kept).items():
             if count > 1 and name in self._numbered:
                 places = [place for place, (topic, _) in enumerate(kept) if topic == name]
-                in_order = sorted((kept[place] for place in places), key=lambda row: stamp_and_seq(row[1])[1])
-                for place, row in zip(places, in_order):
-                    kept[place] = row
+                with suppress(ValueError):  # one that has no number leaves them as they are
+                    in_order = sorted((kept[place] for place in places), key=lambda row: stamp_and_seq(row[1])[1])
+                    for place, row in zip(places, in_order):
+                        kept[place] = row
         return kept
 
     def _each_once(self, rows: list[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
@@ -186,9 +189,9 @@ def write(
     RigError
         When the folder exists or cannot be written; nothing is left of it then.
     """
-    if out.exists():
+    if os.path.lexists(out):
         raise RigError(f"{out}: is there already; name another folder or remove it")
-    part = out.with_name(f".{out.name}.part")
+    part = out.with_name(f".{out.name}.{os.getpid()}")  # two that make the same one do not meet
     held: Counter[str] = Counter()
     try:
         with BagWriter(part, out.name, topics={}, library=LIBRARY) as writer:

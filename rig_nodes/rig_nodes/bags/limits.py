@@ -25,6 +25,7 @@ JSON, JSON_DEPTH = 8 * MIB, 32  # bytes; nesting levels of lists and objects
 YAML = MIB // 2  # bytes of metadata.yaml, 20 times the size of the project's
 LISTED = 500  # entries of each section of a rig, such as bodies or devices
 PROFILES = 20_000  # characters of a topic's quality of service, enough for 50 publishers
+FILLED = 1 << 28  # values of missing rows of a logger that are filled, 2 GB; half an hour of a run with a pause
 
 
 def deeper(value: object, levels: int) -> bool:

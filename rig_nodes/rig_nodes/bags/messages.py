@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from itertools import repeat
 from operator import itemgetter
 from pathlib import Path
@@ -20,7 +21,7 @@ import numpy as np
 
 from ..base import BagError, RigError
 from . import limits
-from .cdr import all_frameless, decode_as, exact
+from .cdr import all_frameless, decode_as, exact, frameless, stamp_and_seq
 from .definitions import HEADER, TIME, Definition, parse
 from .records import ENCODING, Contents, Stream, by_name
 
@@ -166,19 +167,39 @@ class Messages:
         return {**hashes, "all": hashlib.sha256(text.encode()).hexdigest()}
 
     def entries(self, topic: str, before: int = 0) -> Iterator[tuple[int, int, bytes]]:
-        """Yield number, stamp [ns] and bytes of each message of a topic by its number; where there is none, from ``before`` on."""
-        stream = self._stream(topic)
-        definition = self._definition(stream) if stream.encoding == ENCODING else None
+        """Yield number, stamp [ns] and bytes of each message of a topic by its number; where there is none, from ``before`` on.
+
+        What cannot be understood has the bytes that were recorded.
+        """
+        stream, definition = self._stream(topic), None
+        with suppress(BagError):
+            definition = self._definition(stream)
         if definition is not None and definition.counted:
-            head = self._heads(stream)
-            order = np.argsort(head["seq"], kind="stable")
-            seqs, stamps = head["seq"], stamps_of(head)
+            seqs, stamps = self._numbered(definition, stream)
+            order = np.argsort(seqs, kind="stable")
         else:
             order = np.arange(len(stream.times))
             seqs, stamps = order + before, np.array(stream.times, dtype=np.int64)
         for i in order.tolist():
             data = stream.payloads[i]
-            yield int(seqs[i]), int(stamps[i]), data if definition is None else self._exact(definition, data, topic)
+            if definition is not None:
+                try:  # other recorders keep the padding of DDS, which must not change the hash
+                    data = exact(definition, data)
+                except ValueError:
+                    pass
+            yield int(seqs[i]), int(stamps[i]), data
+
+    def _numbered(self, definition: Definition, stream: Stream) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers and stamps [ns] of a topic's messages; a garbled one has the number 0 and its log time."""
+        try:
+            head = self._heads(stream)
+            return head["seq"], stamps_of(head)
+        except BagError:
+            seqs, stamps = np.zeros(len(stream.times), np.uint64), np.array(stream.times, dtype=np.int64)
+            for i, data in enumerate(stream.payloads):
+                with suppress(ValueError):
+                    stamps[i], seqs[i] = stamp_and_seq(frameless(definition, data))
+            return seqs, stamps
 
     def _stream(self, topic: str) -> Stream:
         if topic not in self._streams:
@@ -247,13 +268,6 @@ class Messages:
             return decode_as(definition, data)
         except ValueError as error:
             raise BagError(f"{self.path}: a message of {topic} cannot be decoded: {error}") from None
-
-    def _exact(self, definition: Definition, data: bytes, topic: str) -> bytes:
-        # Other recorders keep the padding of DDS. It must not change the hash.
-        try:
-            return exact(definition, data)
-        except ValueError as error:
-            raise BagError(f"{self.path}: a message of {topic} is garbled: {error}") from None
 
     def _joined(self, stream: Stream, size: int) -> bytes:
         """Join the first ``size`` bytes of all messages; BagError when one is shorter."""

@@ -21,7 +21,8 @@ from . import limits
 
 VERSION = 9
 _CLASS = re.compile(r"^(( *)offered_qos_profiles:) (\w+)\n", re.MULTILINE)
-_PLAIN = re.compile(r"\d+|[A-Za-z/][\w/]*")  # text that YAML takes without quotes
+# text that YAML takes without quotes for a text, also YAML 1.1
+_PLAIN = re.compile(r"(?!(?i:y|n|yes|no|on|off|true|false|null)\Z)[A-Za-z/][\w/]*")
 _TOPICS = "TOPICS"  # placeholder until the list of topics is filled in
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
@@ -96,7 +97,7 @@ def offered_by(text: str) -> Offered:
             deadline_ns=min((d for d in finite if d > 0), default=0),
             problem=f"it gives no {' and no '.join(sorted(lacking))}" if lacking else "",
         )
-    except (YAMLError, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
+    except (YAMLError, AttributeError, LookupError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
         problem = f"{type(error).__name__} {error}".strip().splitlines()[0]
         return Offered(problem=f"it is no list of profiles ({problem})")
 
@@ -183,7 +184,9 @@ def _entry_form() -> str:
 
 def _entry(topic: dict) -> str:
     """Return one entry of topics_with_message_count; names of other programs may need quotes, those of ROS do not."""
-    quoted = {key: value if _PLAIN.fullmatch(str(value)) else json.dumps(value) for key, value in topic.items()}
+    quoted = {
+        key: json.dumps(value) if isinstance(value, str) and not _PLAIN.fullmatch(value) else value for key, value in topic.items()
+    }
     return _entry_form().format(**quoted)
 
 

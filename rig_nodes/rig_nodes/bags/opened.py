@@ -24,7 +24,7 @@ from .index import BagIndex, joined_spans
 from .mcap_file import StillWritten
 from .messages import in_short, nothing_in
 from .metadata import offered_by
-from .pieces import PACKED, Metadata, in_order, plain, read_metadata
+from .pieces import PACKED, Metadata, accessible, in_order, plain, read_metadata
 from .reader import Bag
 from .records import ENCODING, Contents
 from .run_end import CUT_OFF, EVENTS, STATE, RunEnd, cut_off, end_of_run
@@ -233,10 +233,14 @@ class OpenedBags:
 
     def lost(self, held: Counter[str]) -> dict[str, int]:
         """Return how many messages per topic the bags' own counts exceed those that were read."""
-        expected = Counter(self.counts) | self.stated
-        lost = Counter({topic: count - held[topic] for topic, count in expected.items()})
+        lost = +Counter({name: count - held[name] for name, count in self.counts.items()})
         for piece in self.pieces:
             lost |= Counter(piece.unread)
+        found = Counter[str]()  # by topic, of which one may have several types and thus names
+        for name in {*self.types, *lost}:
+            found[self.topic_of(name) if name in self.types else name] += held[name] + lost[name]
+        for topic, count in self.stated.items():
+            lost[topic] += max(0, count - found[topic])
         return dict(+lost)
 
     def _open(self, path: Path) -> None:
@@ -288,6 +292,7 @@ class OpenedBags:
         return made
 
 
+@accessible
 def files_of(path: Path) -> tuple[list[Path], list[str], list[str], Metadata]:
     """Return the files of a bag in their order, a sentence for each that is missing, notes, and the contents of metadata.yaml.
 

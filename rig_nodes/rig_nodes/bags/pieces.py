@@ -11,10 +11,13 @@ from __future__ import annotations
 import json
 import re
 import tempfile
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import wraps
 from pathlib import Path
+from typing import TypeVar
 
 import zstandard
 
@@ -30,8 +33,23 @@ AT_END = "left_out_at_end"  # of these, the messages after the last one of their
 _BLOCK = 1 << 20
 _PROFILES = re.compile(r"^( *)(offered_qos_profiles:)[ ]*\n((?:\1[ -].*\n)+)", re.MULTILINE)
 _NUMBERED = re.compile(r"(.*)_\d+")
+T = TypeVar("T")
 
 
+def accessible(found: Callable[[Path], T]) -> Callable[[Path], T]:
+    """Make BagError of what the system refuses while a function looks for the files of a bag, as in a folder without access."""
+
+    @wraps(found)
+    def looked(path: Path) -> T:
+        try:
+            return found(path)
+        except OSError as error:
+            raise BagError(f"{error.filename or path}: cannot be read ({error.strerror})") from None
+
+    return looked
+
+
+@accessible
 def files_of_run(path: Path) -> list[Path]:
     """Return the MCAP files of a run in their order: the file itself, or those of the folder, also packed with zstd.
 
@@ -94,23 +112,27 @@ def read_metadata(folder: Path) -> Metadata:
     The topics' qualities of service are not read: they are three quarters of the text, whose reading takes 40 ms.
     """
     path = folder / "metadata.yaml"
-    if not path.is_file():
-        return Metadata()
-    if path.stat().st_size > limits.YAML:
-        raise BagError(f"{path}: is of {path.stat().st_size} bytes, larger than the {limits.YAML} that are read")
     try:
+        if not path.is_file():
+            return Metadata()
+        if path.stat().st_size > limits.YAML:
+            raise BagError(f"{path}: is of {path.stat().st_size} bytes, larger than the {limits.YAML} that are read")
         text = _PROFILES.sub(lambda found: found[1] + found[2] + "\n" * (1 + found[3].count("\n")), path.read_text("utf-8"))
         information = read_yaml(path, text)["rosbag2_bagfile_information"]
         # only names within the folder, as rosbag2 writes them
         names = [Path(str(name)).name for name in information["relative_file_paths"]]
         entries = information["topics_with_message_count"]
-        counts = {topic_of_today(entry["topic_metadata"]["name"]): int(entry["message_count"]) for entry in entries}
+        counts: Counter[str] = Counter()
+        for entry in entries:  # a topic of several types has an entry for each of them
+            name = entry["topic_metadata"]["name"]
+            if isinstance(name, str):  # one without quotes may be a number or nothing to YAML
+                counts[topic_of_today(name)] += int(entry["message_count"])
         custom = information.get("custom_data") or {}
         left_out = [
             {str(topic): int(count) for topic, count in json.loads(custom.get(key, "{}")).items()} for key in (LEFT_OUT, AT_END)
         ]
         return Metadata(names, counts, *left_out)
-    except (OSError, TypeError, KeyError, ValueError, AttributeError, RecursionError) as error:
+    except (OSError, TypeError, LookupError, ValueError, ArithmeticError, AttributeError, RecursionError) as error:
         raise BagError(f"{path}: is no description of a bag ({type(error).__name__}: {error})") from None
 
 

@@ -12,6 +12,7 @@ import json
 import math
 import re
 import struct
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ import numpy as np
 from ..base import RUN_FILE, BagError, RigError
 from ..rig import Catalogue, Signal, Structure, Transmission, catalogue, installed_topics, structure_of, transmission_of
 from . import limits
+from .blocks import false_heads, out_of_reach
 from .mcap_scan import read_mcap, read_pieces
 from .messages import Messages, in_short, stamps_of
 from .pieces import files_of_run, plain, read_metadata
@@ -314,6 +316,8 @@ class Bag(Messages):
             raise BagError(f"{self.path}: the period of {topic} is {head['period'][0]} s; expected one above 0")
         if np.any(head["period"] != (head["period"][0] if after is None else after.period)):
             raise BagError(f"{self.path}: the period of {topic} changes within the run; one logger has one period")
+        if what := out_of_reach(head, len(names)):
+            raise BagError(f"{self.path}: {topic}: {what}")
         first, period = int(head["first_sample"][0]), float(head["period"][0])
         starts = head["first_sample"].astype(np.int64) - first
         ends = starts + head["rows"]
@@ -352,9 +356,14 @@ class Bag(Messages):
         dict of str to int
             Lost messages by topic.
         """
+        self._numbers.check()
+        return self._numbers.gaps(self.recorded_from > 0.0)
+
+    @cached_property
+    def _numbers(self) -> Numbers:
         numbers = Numbers()
         numbers.add(self)
-        return numbers.gaps(self.recorded_from > 0.0)
+        return numbers
 
     @cached_property
     def recorded_from(self) -> float:
@@ -363,15 +372,11 @@ class Bag(Messages):
         Other recorders may start late and split a bag into pieces. For their bags it is the first stamp of the rig's own messages,
         without the latched ones, which are sent again to every new subscriber.
         """
-        numbers = Numbers()
-        numbers.add(self)
-        return self.begin_by(numbers)
+        return self.begin_by(self._numbers)
 
     def disorder(self) -> list[str]:
         """Return a sentence for each topic of the rig whose messages are there twice or not in the order of sending."""
-        numbers = Numbers()
-        numbers.add(self)
-        return numbers.disorder(self)
+        return self._numbers.disorder(self)
 
     def false_blocks(self) -> dict[str, str]:
         """Return by topic a sentence on blocks of samples that do not hold what their heads say; blocks of other forms are none."""
@@ -385,7 +390,7 @@ class Bag(Messages):
                     except BagError as error:
                         found[topic] = str(error).removeprefix(f"{self.path}: ")
                     else:
-                        if what := _false_heads(head):
+                        if what := false_heads(head):
                             found[topic] = f"{topic}: {what}"
         return found
 
@@ -398,12 +403,14 @@ class Bag(Messages):
         measured = [first for topic, first in numbers.firsts.items() if topic in known and known[topic].qos == "measurement"]
         return max(0.0, float(min(measured or numbers.firsts.values(), default=0)) / 1e9)
 
-    def counted(self) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-        """Yield each topic with counted messages, the stamps [ns] and the sequence numbers of its messages."""
-        for topic, stream in self._streams.items():
-            if stream.times and self._counted(stream):
-                head = self._heads(stream)
-                yield topic, stamps_of(head), head["seq"].copy()
+    def counted(self) -> list[str]:
+        """Return the topics with counted messages."""
+        return [topic for topic, stream in self._streams.items() if stream.times and self._counted(stream)]
+
+    def numbers_of(self, topic: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the stamps [ns] and the sequence numbers of a topic's messages; BagError when one of them has none."""
+        head = self._heads(self._streams[topic])
+        return stamps_of(head), head["seq"].copy()
 
     def gap_of_last_life(self, topic: str) -> int:
         """Count lost messages of one topic as :meth:`gaps` does, but only since its publisher's last start.
@@ -439,8 +446,10 @@ class Bag(Messages):
         Checksums are verified when the bag is opened. A sound bag gives an empty list.
         """
         problems = list(self.damage)
+        problems += map(str, self._numbers.refused.values())
         problems += self.disorder()
-        problems += [f"{topic} lost {n} of {n + self.distinct(topic)} messages" for topic, n in self.gaps().items()]
+        gaps = self._numbers.gaps(self.recorded_from > 0.0)
+        problems += [f"{topic} lost {n} of {n + self.distinct(topic)} messages" for topic, n in gaps.items()]
         for topic, ros_type in self.types.items():
             if ros_type == "rig_msgs/msg/SampleBlock" and self.counts[topic]:
                 try:
@@ -449,7 +458,10 @@ class Bag(Messages):
                     problems.append(str(error))
         beside = self.path.parent / "metadata.yaml"
         if beside.exists():
-            problems += _compare(beside, self.counts)
+            counts = Counter[str]()
+            for name, count in self.counts.items():
+                counts[self.topic_of(name)] += count  # metadata.yaml knows no names of channels
+            problems += _compare(beside, counts)
         return problems
 
     def events(self) -> list[tuple[float, str, str, str, float]]:
@@ -525,21 +537,6 @@ class Bag(Messages):
         if topic in self._columns:
             return self._columns[topic]
         raise BagError(f"{self.path}: no channel list under {node} says what the columns of {topic} are")
-
-
-def _false_heads(head: np.ndarray) -> str:
-    """Return what the heads of a logger's blocks contradict each other in; empty when they agree."""
-    first, rows, period = head["first_sample"], head["rows"], head["period"]
-    if not np.all((period == period[0]) & (period > 0.0) & (period < math.inf)):
-        return "the period is not one and the same above 0 in all its blocks"
-    if "seq" in (head.dtype.names or ()):
-        # where a block was lost, or is there twice, the numbers of the messages tell it
-        follows = head["seq"][1:] == head["seq"][:-1] + np.uint64(1)
-        wrong = np.flatnonzero(follows & (first[1:] != first[:-1] + rows[:-1]))
-        if len(wrong):
-            at = wrong[0]
-            return f"a block begins with row {first[at + 1]}, not with {int(first[at]) + int(rows[at])} as the one before it says"
-    return ""
 
 
 def _read(file: Path, recover: bool) -> Contents:

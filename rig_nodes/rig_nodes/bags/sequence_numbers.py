@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base import RigError
+from ..base import BagError, RigError
 from . import limits
 
 if TYPE_CHECKING:
@@ -32,17 +32,25 @@ class Numbers:
     ----------
     firsts : dict of str to int
         First stamp of each topic with counted messages [ns].
+    refused : dict of str to BagError
+        Why the numbers of a topic cannot be read; of such a topic neither gaps nor disorder are known.
     """
 
     def __init__(self) -> None:
         self.firsts: dict[str, int] = {}
+        self.refused: dict[str, BagError] = {}
         self._spans: dict[str, list[np.ndarray]] = {}  # rows (first number, number after the last one)
         self._totals, self._back = Counter[str](), Counter[str]()  # messages, and those behind a later one
         self._newest: dict[str, int] = {}
 
     def add(self, piece: Bag) -> None:
         """Take those of the next piece, or of a whole bag."""
-        for topic, stamps, seqs in piece.counted():
+        for topic in piece.counted():
+            try:
+                stamps, seqs = piece.numbers_of(topic)
+            except BagError as error:
+                self.refused.setdefault(topic, error)
+                continue
             spans, known = _spans_of(seqs), self._spans.setdefault(topic, [])
             if known and known[-1][-1, 1] == spans[0, 0] and spans[0, 0] % (1 << LIFE_BITS):
                 known[-1][-1, 1] = spans[0, 1]
@@ -62,7 +70,7 @@ class Numbers:
         latched messages are sent again to each new receiver. ``bag`` is one of the pieces, which knows its rig.
         """
         found = []
-        for topic in self._spans:
+        for topic in self._understood():
             total, back, held = self._totals[topic], self._back[topic], self.distinct(topic, False) or 0
             twice, same = total - held, held == 1 and total > MOST_COPIES  # a program of others may not count its messages
             if not (twice or back) or same or not has_one_sender(bag, topic):
@@ -75,7 +83,7 @@ class Numbers:
     def gaps(self, begun_late: bool) -> dict[str, int]:
         """Return what Bag.gaps does; ``begun_late`` is True for a bag that begins later than its run."""
         found = {}
-        for topic in self._spans:
+        for topic in self._understood():
             lives = self._lives(topic)
             lost = sum(_holes(life) for life in lives) - (int(lives[0][0, 0]) if begun_late else 0)
             if lost:
@@ -91,6 +99,14 @@ class Numbers:
         if topic not in self._spans:
             return None
         return sum(_held(life) for life in self._lives(topic)[-1 if last_life else 0 :])
+
+    def check(self) -> None:
+        """Raise the BagError on the first topic whose numbers cannot be read."""
+        for error in self.refused.values():
+            raise error
+
+    def _understood(self) -> list[str]:
+        return [topic for topic in self._spans if topic not in self.refused]
 
     def _lives(self, topic: str) -> list[np.ndarray]:
         """Return the spans of each start of a publisher, counted from 0 on, in order and without overlap."""

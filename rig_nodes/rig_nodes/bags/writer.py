@@ -180,10 +180,11 @@ class BagWriter:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._open()
-        except FileExistsError:
-            raise RigError(f"{self.path} is there already; name another folder or remove it") from None
+        except FileExistsError as error:
+            raise RigError(f"{error.filename} is there already; name another folder or remove it") from None
         except OSError as error:
-            raise RigError(f"{self.path} cannot be made ({error.strerror}); name a folder that can be written") from None
+            at = error.filename or self.folder
+            raise RigError(f"{at} cannot be made ({error.strerror}); name a folder that can be written") from None
         self._writer = self._guard(self._begin)
 
     def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement") -> None:

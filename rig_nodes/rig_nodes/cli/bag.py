@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 from ..base import seconds_of_bag
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ..bags import Kept, OpenedBags, RunEnd
 
 HELP = "look into bags, check, recover, cut, merge and hash them"
@@ -50,12 +52,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Do the work; return 0 when all is kept, 3 when some is lost and counted, 1 when it failed."""
+    if args.work in ("recover", "cut", "merge"):
+        return _tried(_write, args)
+    return max([_tried(_look, args.work, path) for path in args.bags], key=(WHOLE, LOST, FAILED).index)
+
+
+def _tried(work: Callable[..., int], *about: object) -> int:
+    """Return the exit code of some work; where it fails the reason is printed, so that the next bag is looked at all the same."""
     from ..base import RigError, printable
 
     try:
-        if args.work in ("recover", "cut", "merge"):
-            return _write(args)
-        return max([_look(args.work, path) for path in args.bags], key=(WHOLE, LOST, FAILED).index)
+        return work(*about)
     except RigError as error:
         sys.stdout.flush()
         print(f"rig: {printable(error)}", file=sys.stderr)

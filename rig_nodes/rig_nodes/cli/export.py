@@ -135,10 +135,10 @@ def _run(args: argparse.Namespace) -> int:
     finally:
         if line is not None:
             line.leave()
+    held = f"{found.count} signals{f', described in {csvw_path(target).name}' if what == 'csv' else ''}"
     if what in CAN_LOGS:
-        print(f"written to {target}: {found.count} frames, which './rig export dbc' describes")
-        return 0
-    print(f"written to {target}: {found.count} signals{f', described in {csvw_path(target).name}' if what == 'csv' else ''}")
+        held = f"{found.count} frames, which './rig export dbc' describes"
+    print(f"written to {target}: {held}")
     if found.left_out:
         others = printable(", ".join(found.left_out))
         print(f"rig: not exported, as no signals of the rig come from them: {others}", file=sys.stderr)

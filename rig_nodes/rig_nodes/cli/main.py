@@ -37,6 +37,7 @@ VERBS = Group("verbs", "verb", __package__, "HELP")
 IN_CHECKOUT = (Path(__file__).parents[3] / "rig").is_file()  # where the command is ./rig; elsewhere it is on the path
 # errors of any file that is written, whatever the verb: full, over a quota or limit, read-only, broken
 OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
+UNFINISHED = "; what was begun is not finished"
 EXTRAS = {"ros": lambda verb: need_ros(f"rig {verb}"), "view": lambda _: optional("rerun", "view")}
 
 
@@ -176,13 +177,14 @@ def add_extra(name: str) -> None:
     """Become the launcher, which adds an extra and starts this command once more; return where it cannot."""
     python, _, launcher = os.environ.get("RIG_LAUNCHER", "").partition("\n")
     if launcher and name in os.environ.get("RIG_LATER", "").split():
-        sys.stdout.flush()
+        _say()
         env = {key: value for key, value in os.environ.items() if key != "LD_LIBRARY_PATH"}
         os.execve(python, [python, launcher, *sys.argv[1:]], dict(env, RIG_WANTS=name))
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point of the launcher and of the console script; returns the exit code."""
+    _open_missing()
     started = arguments is None
     if arguments is None:
         arguments = sys.argv[1:]
@@ -193,6 +195,19 @@ def main(arguments: list[str] | None = None) -> int:
             own_folder()
     with contextlib.redirect_stdout(Shown(sys.stdout)), contextlib.redirect_stderr(Shown(sys.stderr)):
         return _answer(arguments, started)
+
+
+def _open_missing() -> None:
+    """Open /dev/null in place of each standard stream that the caller closed, which Python then has as None.
+
+    No other file may get the number of such a stream, as what is printed would be written to it.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            # it gets the lowest free number, which is that of the stream
+            stream = open(os.devnull, mode, encoding="utf-8", errors="backslashreplace")
+            os.set_inheritable(stream.fileno(), True)
+            setattr(sys, name, stream)
 
 
 def _answer(arguments: list[str], started: bool) -> int:
@@ -207,40 +222,60 @@ def _answer(arguments: list[str], started: bool) -> int:
         code = run_verb(arguments[0], arguments[1:])
         sys.stdout.flush()
         return code
-    except NotPrinted as error:
-        _drop_output()
-        with contextlib.suppress(RigError):  # both may go into one file
-            print(f"rig: {error}", file=sys.stderr)
-        return error.exit_code
     except RigError as error:
         if started and isinstance(error, Lacking):
             add_extra(error.extra)
-        sys.stdout.flush()  # so that earlier output precedes the error in a log of both streams
-        print(f"rig: {printable(error)}", file=sys.stderr)
+        _say(error)
         return error.exit_code
     except KeyboardInterrupt as stop:
         # for verbs without their own message; a partly printed line of progress stays on the terminal
         what, code = ended_by(stop)
-        print(f"{os.linesep * sys.stderr.isatty()}rig: {what}; what was begun is not finished", file=sys.stderr)
+        _say(f"{what}{UNFINISHED}", os.linesep * sys.stderr.isatty())
         return code
     except MemoryError:
-        print("rig: there is not enough memory for this; what was begun is not finished", file=sys.stderr)
+        _say(f"there is not enough memory for this{UNFINISHED}")
         return 1
     except BrokenPipeError:
-        _drop_output()  # the reader (head, less) has ended: this is not an error
+        _say()  # the reader (head, less) has ended: this is not an error
         return 141
     except OSError as error:
-        if error.errno in OF_THE_DISK:
-            failure = not_written(error.filename or "what this makes", error)
-            print(f"rig: {printable(failure)}; what was begun is not finished", file=sys.stderr)
-            return 1
-        if error.errno not in (errno.EMFILE, errno.ENFILE):
-            raise
+        sentence, code = _of_system(error)
+        _say(sentence)
+        return code
+
+
+def _of_system(error: OSError) -> tuple[str, int]:
+    """Return the sentence on an error of the operating system that no verb met itself, and the exit code."""
+    if error.errno in OF_THE_DISK:
+        return f"{not_written(error.filename or 'what this makes', error)}{UNFINISHED}", 1
+    if error.errno in (errno.EMFILE, errno.ENFILE):
         allowed = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-        print(f"rig: {allowed} open files are too few for this (ulimit -n); what was begun is not finished", file=sys.stderr)
-        return 1
+        return f"{allowed} open files are too few for this (ulimit -n){UNFINISHED}", 1
+    why = error.strerror or str(error) or type(error).__name__
+    return (f"{error.filename}: {why}", 2) if error.filename else (f"{why}{UNFINISHED}", 1)
 
 
-def _drop_output() -> None:
-    """Let what is still to be printed go nowhere, so that Python does not fail with it at its exit."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _say(sentence: object = "", before: str = "") -> None:
+    """Print why the command ends, behind its earlier output; what cannot be written any more goes nowhere.
+
+    Without a sentence it only writes what is still to be printed. ``before`` ends a line that is partly printed.
+    """
+    sentences = [str(sentence)] * bool(sentence)
+    try:
+        sys.stdout.flush()  # so that earlier output precedes the error in a log of both streams
+    except BrokenPipeError:
+        _drop(sys.stdout)
+    except NotPrinted as error:
+        _drop(sys.stdout)
+        sentences.insert(0, str(error))
+    try:
+        for one in dict.fromkeys(sentences):
+            print(f"{before}rig: {printable(one)}", file=sys.stderr)
+        sys.stderr.flush()
+    except (BrokenPipeError, NotPrinted):  # both may go into one file
+        _drop(sys.stderr)
+
+
+def _drop(stream: TextIO) -> None:
+    """Let what a stream has still to write go nowhere, so that Python does not fail with it at its exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -210,9 +211,9 @@ def _written(bag: Gathered, folder: Path) -> dict[str, int]:
         info = load_yaml(path)["rosbag2_bagfile_information"]
         if info["relative_file_paths"] != [bag.path.name]:
             return {}
-        return {
-            topic_of_today(entry["topic_metadata"]["name"]): int(entry["message_count"])
-            for entry in info["topics_with_message_count"]
-        }
+        written: Counter[str] = Counter()  # a topic with two types has two entries
+        for entry in info["topics_with_message_count"]:
+            written[topic_of_today(str(entry["topic_metadata"]["name"]))] += int(entry["message_count"])
+        return written
     except (RigError, TypeError, KeyError, ValueError):
         return {}  # the metadata are damaged like the bag, so the lost messages stay unknown

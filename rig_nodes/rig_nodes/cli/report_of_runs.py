@@ -111,7 +111,7 @@ def _draw(args: argparse.Namespace, folder: Path) -> None:
     from ..view import draw_figure, write_figure
 
     drawn = _figures(folder, True)
-    number = args.shift or 1
+    number = 1 if args.shift is None else args.shift
     if not 1 <= number <= len(drawn):
         raise RigError(f"--shift {number}: these runs have {len(drawn)} changes of gears, each with a figure")
     write_figure(draw_figure(drawn[number - 1], args.dark), args.picture)

@@ -14,8 +14,8 @@ from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
-from ..bags import DESCRIBING, IN_MEMORY, Bag, OpenedBags, nothing_in, started, whole
-from ..base import BagError, RigError
+from ..bags import DESCRIBING, IN_MEMORY, Bag, OpenedBags, started, whole
+from ..base import RigError
 from ..controllers import (
     ADDRESS,
     ADDRESS_CLAIMED,
@@ -52,7 +52,7 @@ class _Answer(NamedTuple):
     command: tuple[float, ...]
 
 
-def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float, str], None] | None = None) -> int:
+def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float, str], None] | None = None) -> tuple[int, str]:
     """Write the log.
 
     Parameters
@@ -70,6 +70,8 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
     -------
     int
         Number of frames.
+    str
+        A sentence when the run was cut off, else empty.
 
     Raises
     ------
@@ -78,9 +80,9 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
     """
     can = need_can()
     with OpenedBags([run]) as index:
+        index.check_began()
         small, counts = index.bag([topic for topic, one in index.types.items() if one in DESCRIBING]), index.counts
-    if not index.last:
-        raise BagError(f"{small.path}: {nothing_in(small.damage)}")
+        _, cut_off = index.end()
     if not counts.get(SAMPLES) or not counts.get(CONTROLLER_COMMAND):
         raise RigError(f"{small.path}: holds no samples and answers of a shift controller, of which CAN frames could be made")
     config = config_of_record(small.record, str(small.path))
@@ -125,7 +127,7 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
             inputs = ControllerInputs(one.sample, stamp * 1e-9, requests[0][1], one.current, one.measured)
             frames.take(inputs, shifting, True)
         log.stop()
-    return count
+    return count, cut_off
 
 
 def _requests(small: Bag) -> list[tuple[int, int]]:

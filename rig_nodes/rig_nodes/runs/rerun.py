@@ -315,16 +315,18 @@ def _through(bag: Gathered, config: RigConfig, controller: Plug, spec: str, fold
         )
     name = bag.path.stem.rpartition("_")[0] or bag.path.stem
     kept = [topic for topic in bag.types if topic not in (RUN_INFO, CONTROLLER_COMMAND)]
-    try:
-        with OpenedBags([bag.source]) as opened, BagWriter(folder, name, topics=config.catalogue.all_topics) as writer:
-            record = rerun_record(bag, _changed_by(found, config), spec)
-            answers = _answered(bag, config, controller, found, others, _Answered(bag, record, writer, opened.timeline(kept)))
-            writer.end("ended", "the re-run ended")
+    with OpenedBags([bag.source]) as opened:
+        writer = BagWriter(folder, name, topics=config.catalogue.all_topics)
+        try:
+            with writer:
+                record = rerun_record(bag, _changed_by(found, config), spec)
+                answers = _answered(bag, config, controller, found, others, _Answered(bag, record, writer, opened.timeline(kept)))
+                writer.end("ended", "the re-run ended")
             return answers
-    except BaseException:
-        for path in folder.iterdir():  # a new folder, of which half a bag is no use
-            path.unlink()
-        raise
+        except BaseException:
+            for path in (writer.path, folder / "metadata.yaml"):  # half a bag is no use; what else is in the folder is of others
+                path.unlink(missing_ok=True)
+            raise
 
 
 def _answered(

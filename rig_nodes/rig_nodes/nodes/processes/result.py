@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
@@ -22,6 +23,7 @@ from .supervisor import MODULES, End, processes_of
 
 RUN_INFO = "rig_msgs/msg/RunInfo"
 NAMED = 4  # topics that a sentence names
+COST = {"cpu_s", "wall_s", "max_rss_mb"}  # what each process writes beside its own facts
 
 
 class RecordedRun(Protocol):
@@ -43,12 +45,13 @@ class RecordedRun(Protocol):
 
 
 def facts_of(folder: Path) -> dict[str, dict]:
-    """Return what each process wrote about itself at its end, by its name; killed processes are missing."""
+    """Return what each process wrote about itself at its end, by its name; killed processes and files cut off are missing."""
     facts = {}
     for name in MODULES:
-        path = folder / "logs" / f"{name}.json"
-        if path.is_file():
-            facts[name] = json.loads(path.read_text(encoding="utf-8"))
+        with suppress(OSError, ValueError, RecursionError):
+            fact = json.loads((folder / "logs" / f"{name}.json").read_text(encoding="utf-8"))
+            if isinstance(fact, dict) and fact.keys() >= COST:
+                facts[name] = fact
     return facts
 
 
@@ -181,26 +184,31 @@ def what_was_lost(run: dict) -> str:
     """Return one sentence on what is missing of a run, from the ``run`` part of its report; empty when nothing is."""
     losses = []
     if run.get("lost"):
-        topics = run.get("lost_by_topic")
+        topics = _object(run, "lost_by_topic")
         losses.append(f"{run['lost']} messages did not reach the bag{f': {_named(topics)}' if topics else ''}")
-    if unreadable := run.get("unreadable"):
+    if unreadable := _object(run, "unreadable"):
         losses.append(f"{sum(unreadable.values())} messages could not be stored: {_named(unreadable)}")
-    if unrecorded := run.get("unrecorded_topics"):
+    if unrecorded := _object(run, "unrecorded_topics"):
         named = [f"{topic}: {why}" for topic, why in list(unrecorded.items())[:NAMED]]
         more = f"; and {len(unrecorded) - NAMED} topics more" if len(unrecorded) > NAMED else ""
         losses.append(f"not recorded in full (--exclude leaves a topic out): {'; '.join(named)}{more}")
-    if clocks := run.get("other_clocks"):
+    if isinstance(clocks := run.get("other_clocks"), list) and clocks:
         losses.append(f"/clock was sent by {', '.join(map(printable, clocks))} too: nodes with use_sim_time saw two times")
     if run.get("recovered"):
         losses.append(f"the bag is damaged: {run['recovered']}")
-    behind = run.get("behind")
-    if behind and behind["times"]:
+    if (behind := _object(run, "behind")).get("times"):
         times = "once" if behind["times"] == 1 else f"{behind['times']} times"
         losses.append(
             f"the rig fell behind real time by more than {1e3 * behind['limit_s']:g} ms {times}, by up to "
             f"{behind['longest_s']:.2f} s"
         )
     return "; ".join(losses)
+
+
+def _object(run: dict, key: str) -> dict:
+    """Return an object in a report; an empty one where others have written something else in its place."""
+    value = run.get(key)
+    return value if isinstance(value, dict) else {}
 
 
 def _named(counts: dict[str, int]) -> str:

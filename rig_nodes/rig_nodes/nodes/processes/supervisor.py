@@ -279,7 +279,7 @@ class Supervisor:
     def _look_after_processes(self) -> None:
         """Trip a rig in real time one of whose processes stands still; once until it goes on.
 
-        A container that stands still is named, and trips when it goes on. For a controller that does, the rig has a trip of its own.
+        A container that stands still is named, and trips when it goes on. For a controller the rig has a trip of its own.
         """
         if self.order.speed is not None or not self.running.is_set():
             return
