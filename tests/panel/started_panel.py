@@ -44,3 +44,11 @@ class Panel:
             return self.process.communicate(timeout=60)[0]
         finally:
             self.process.kill()  # one that has not ended would run beside the tests that follow
+
+
+def choose(page, name, series=""):
+    """Chooses a procedure and its series as a hand does, and starts it."""
+    page.js(f"(() => {{ const s = document.getElementById('sequence'); s.value = 'procedure {name}'; s.onchange(); }})()")
+    page.until("document.getElementById('sequence-text').textContent.includes('series of')")
+    page.write("#series", series)
+    page.click("#run")

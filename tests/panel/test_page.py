@@ -13,12 +13,13 @@ from urllib.request import urlopen
 
 import pytest
 from browser import NEEDED, Browser
-from started_panel import READY
+from started_panel import READY, Panel, choose
 
 from rig_nodes.bags import Bag
 
 pytestmark = [pytest.mark.against_the_clock, NEEDED]
 OUTPUT = '[data-output="alfa46.output_1"]'
+SAID = "document.getElementById('sequence-said').textContent"
 STATE = "document.getElementById('state').textContent"
 
 
@@ -181,6 +182,23 @@ def test_a_trip_of_the_pages_own_doing_is_named_and_reset(page):
     page.until(f"{STATE} === 'ready' && document.getElementById('reason').hidden")
 
 
+def test_a_series_that_is_not_there_and_a_rig_of_somebody_else_are_refused_with_the_reason(page, panel, tmp_path):
+    choose(page, "delay_series", "77")
+    page.until(f"{SAID}.startsWith(\"procedure 'delay_series': there is no series '77'\")")
+    joined = Panel(tmp_path, "--domain", str(panel.domain))
+    try:
+        second = Browser(joined.url)
+        try:
+            second.until("document.getElementById('sequence').options.length > 0", 60)
+            choose(second, "coast_down")
+            second.until(f"{SAID}.startsWith('this page has joined a rig that somebody else starts')")
+        finally:
+            second.close()
+    finally:
+        joined.close()
+    assert page.text("#state") != "away", "the rig was not stopped"
+
+
 def children(pid) -> list[int]:
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
@@ -217,8 +235,9 @@ def test_an_order_says_that_it_waits_for_the_rig_and_how_old_the_samples_are(pag
 
 
 def test_the_rig_is_started_again_under_the_page(page, panel):
+    page.js("(() => { const s = document.getElementById('sequence'); s.value = 'sequence demo'; s.onchange(); })()")
     page.click("#run")
-    page.until("document.getElementById('sequence-said').textContent.includes('of 14')")
+    page.until(f"{SAID}.includes('of 14')")
     os.kill(rig_of(panel), signal.SIGINT)
     page.until(f"{STATE} === 'away' && !document.getElementById('start').hidden", 60)
     page.until("document.getElementById('sequence-said').dataset.kind === 'refused' && document.getElementById('progress').hidden")

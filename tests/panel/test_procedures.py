@@ -8,8 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from browser import Browser
-from started_panel import READY, Panel
+from started_panel import READY, Panel, choose
 
 from rig_nodes.base.config import RIGS_DIR
 
@@ -36,14 +35,6 @@ def folder(panel):
     return Path(f"/proc/{panel.process.pid}/cwd").resolve() / "runs"
 
 
-def choose(page, name, series=""):
-    """Chooses a procedure and its series as a hand does, and starts it."""
-    page.js(f"(() => {{ const s = document.getElementById('sequence'); s.value = 'procedure {name}'; s.onchange(); }})()")
-    page.until("document.getElementById('sequence-text').textContent.includes('series of')")
-    page.write("#series", series)
-    page.click("#run")
-
-
 def test_a_procedure_runs_with_its_progress_and_its_results_are_there(page, folder):
     choose(page, "brief_coast_down")
     assert "1 series of 2 runs: 60rpm." in page.text("#sequence-text")
@@ -67,21 +58,3 @@ def test_settings_that_a_running_rig_keeps_are_changed_and_an_abort_ends_the_pro
     page.click("#abort")
     page.until(f"{SAID}.startsWith(\"procedure 'valve_response' was aborted: 0 of 2 runs\")", 60)
     page.until(READY, 90)
-
-
-def test_a_series_that_is_not_there_and_a_rig_of_somebody_else_are_refused_with_the_reason(page, panel, tmp_path):
-    page.until(READY, 60)
-    choose(page, "delay_series", "77")
-    page.until(f"{SAID}.startsWith(\"procedure 'delay_series': there is no series '77'\")")
-    joined = Panel(tmp_path, "--domain", str(panel.domain))
-    try:
-        second = Browser(joined.url)
-        try:
-            second.until("document.getElementById('sequence').options.length > 0", 60)
-            choose(second, "coast_down")
-            second.until(f"{SAID}.startsWith('this page has joined a rig that somebody else starts')")
-        finally:
-            second.close()
-    finally:
-        joined.close()
-    assert page.text("#state") != "away", "the rig was not stopped"

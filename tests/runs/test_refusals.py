@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -18,6 +19,7 @@ from rig_nodes.base.names import find_of_rigs
 from rig_nodes.cli.main import Shown, main
 from rig_nodes.nodes.commands import Commands
 from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.sequence_runner import SequenceFailed, SequenceRunner
 from rig_nodes.runs.simulation import simulate
@@ -447,3 +449,28 @@ def test_a_name_that_several_rigs_have_and_a_file_of_no_rig_need_the_rig(tmp_pat
     with pytest.raises(RigError, match="own.yaml: the sequence names no rig and stands in no rig's folder"):
         load_sequence(path)
     assert load_sequence(path, default="three_speed").rig == "three_speed"
+
+
+def test_the_age_of_the_commands_is_read_while_the_rig_takes_others():
+    rig = Rig(load_rig("hydmag"), controller="external", level="duty")
+    over, failed = threading.Event(), []
+
+    def read():
+        try:
+            while not over.is_set():
+                assert rig.command_age >= 0.0
+        except Exception as error:
+            failed.append(error)
+
+    reader, before = threading.Thread(target=read), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        reader.start()
+        for _ in range(3000):
+            rig.set_duty(rig.sample, [0.0] * 3, [0.0] * 3, 0, False)
+            rig.advance_samples(1)
+    finally:
+        over.set()
+        reader.join()
+        sys.setswitchinterval(before)
+    assert failed == []

@@ -138,7 +138,8 @@ class CommandedRig(RigBase):
         if self.embedded:
             newest = self.newest_command
         else:
-            arrived = (sample for boundary, _, _, sample, *_ in self._to_come if boundary - self.delay <= self.sample)
+            waiting = tuple(self._to_come)  # in one piece: another thread asks for the health of a rig that goes on
+            arrived = (sample for boundary, _, _, sample, *_ in waiting if boundary - self.delay <= self.sample)
             newest = max([self._arrived, *arrived])
         return (self.sample - newest) * (SAMPLE_NS * 1e-9) if newest >= 0 else 0.0
 

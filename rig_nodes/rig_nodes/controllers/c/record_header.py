@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 
+from ...base import quoted
 from ..record import ControllerRecord
 
 NAME = "rig_record.h"
@@ -45,7 +46,7 @@ def header_text(record: ControllerRecord) -> str:
                 "",
                 f"/* The outputs, transducers and gears of the rig {rig} by name, for rig_controller.h.",
                 " *",
-                f" * ./rig export record --rig {rig} writes this file; write it again rather than change it. A controller",
+                f" * ./rig export record --rig {quoted(rig)} writes this file; write it again rather than change it. A controller",
                 " * that is compiled with it runs only on a rig that has the same names and units in the same order.",
                 " */",
                 "#ifndef RIG_RECORD_H",
