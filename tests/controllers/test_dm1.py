@@ -9,7 +9,8 @@ from rig_nodes.cli.main import main
 from rig_nodes.controllers import ADDRESS, load_controller
 from rig_nodes.controllers.can.dm1 import DM1, Code, dm1_data, dm1_frames
 from rig_nodes.controllers.can.j1939 import parts
-from rig_nodes.rig.configuration import load_rig
+from rig_nodes.rig import load_rig
+from rig_nodes.rig.bench_trips import RULES
 from rig_nodes.runs import Rig
 from rig_nodes.runs.simulation import advance_with
 
@@ -63,19 +64,22 @@ def test_the_can_log_of_a_tripped_run_has_the_code_of_its_trip(tmp_path, capsys)
 def test_a_running_rig_sends_its_trip_every_second_and_once_more_when_it_is_over():
     can, j1939 = pytest.importorskip("can"), pytest.importorskip("j1939")
     config = load_rig("hydmag")
-    trip = next(one for one in config.trips if one.name == "overspeed_w0")
+    trip, button = next(one for one in config.trips if one.name == "overspeed_w0"), RULES["e_stop"]
     rig = Rig(config, controller="external")
     bus, plug = can.Bus("dm1", interface="virtual"), load_controller("can:dm1?interface=virtual", config)
     heard, now = [], 0
     ecu = j1939.ElectronicControlUnit()
     other = ecu.add_ca(name=j1939.Name(identity_number=1), device_address=200)
-    j1939.Dm1(other).subscribe(lambda source, lamps, found, _: heard.append((now, source, found[0]["spn"], found[0]["fmi"])))
+    j1939.Dm1(other).subscribe(lambda source, _, found, __: heard.append((now, source, [one["spn"] for one in found])))
     try:
-        for now in range(5000):
+        for now in range(3590):
             if now == 100:
                 rig.trip(trip.sentence(2.0 * trip.limit, rig.time), trip.name)
+            if now == 2500:
+                rig.e_stop()
             if now == 3500:
                 rig.reset()
+                rig.ask_anew()
             advance_with(rig, plug)
             while (frame := bus.recv(0)) is not None:
                 ecu.notify(frame.arbitration_id, frame.data, frame.timestamp)
@@ -83,4 +87,6 @@ def test_a_running_rig_sends_its_trip_every_second_and_once_more_when_it_is_over
         plug.close()
         bus.shutdown()
         ecu.stop()
-    assert heard == [*((when, ADDRESS, trip.spn, trip.fmi) for when in (100, 1100, 2100, 3100)), (3500, ADDRESS, 0, 0)]
+    both = [trip.spn, button.spn]  # in an announce and two pieces, 50 ms apart
+    alone = [(when, ADDRESS, [trip.spn]) for when in (100, 1100, 2100)]
+    assert heard == [*alone, (2600, ADDRESS, both), (3500, ADDRESS, [0])]

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trip matrix: every trip of every installed rig at its threshold, by the compiled look at made numbers, without a run."""
+"""The trip matrix: every trip of every installed rig at its threshold by the compiled look at made numbers, and in every state."""
 
 import json
 
@@ -11,9 +11,10 @@ import pytest
 from rig_nodes.base import njit, rig_folders
 from rig_nodes.cli.main import main
 from rig_nodes.plant import ALL, TRIPPED, World
-from rig_nodes.plant.engine.watch import watched
-from rig_nodes.rig import GEAR, STAYED, load_rig
-from rig_nodes.runs import plan_of
+from rig_nodes.plant.engine.watch import ARRIVED, watched
+from rig_nodes.rig import GEAR, STAYED, load_rig, trips_named
+from rig_nodes.rig.bench_trips import RULES
+from rig_nodes.runs import Rig, RigStatus, plan_of
 from rig_nodes.runs.watch import Watched
 
 NOT_YET = -1
@@ -82,7 +83,7 @@ class Made:
             assert np.allclose(weights @ made, wanted), f"{self.trip.name}: its conditions and its limit contradict each other"
         for place, number in zip(places, made):
             if place < 0:
-                watch.said[-1 - place] = number
+                watch.said[[-1 - place, ARRIVED - 1 - place]] = number
             elif place < len(self.numbers):
                 self.numbers[place] = number
             else:
@@ -201,19 +202,87 @@ def test_trips_that_are_ruled_out_are_those_of_which_nothing_is_true(rig):
     assert both_look(quick.arrays, thorough.arrays, numbers, row, walk, said.astype(float)) == NOT_YET
 
 
+@pytest.mark.parametrize("rig", list(rig_folders()))
+def test_in_every_state_each_trip_fires_at_the_next_sample_and_the_red_button_wins_over_it(rig):
+    """Each trip in turn gets a limit that every value exceeds, and no condition, on the running rig itself."""
+    one, moments = Rig(load_rig(rig), controller="external", level="current"), {}
+    for state, on, samples in ((RigStatus.STARTING, 0.0, 0), (RigStatus.READY, 0.0, 2), (RigStatus.RUNNING, 1.0, 2)):
+        one.device(one.drive)["enabled"] = on
+        if one.shifts and state == RigStatus.READY:
+            one.set_current(one.sample, [0.0] * len(one.setpoint), 0, False)
+        one.advance_samples(samples)
+        if one.status == state:  # without a shift controller no rig waits for commands
+            moments[state] = one.snapshot()
+    assert moments.keys() >= {RigStatus.READY, RigStatus.RUNNING}
+    for state, moment in moments.items():
+        for number, trip in enumerate(one.watched.trips):
+            one.restore(moment)
+            begun, record = one.sample, one.watched.arrays.trips[number]
+            record["limit"], record["delay"], record["end"] = -np.inf, 0, record["begin"]
+            one.advance_samples(5)
+            assert (one.tripped_by, one.sample - begun, one.status) == (trip.name, 1, RigStatus.TRIPPED), (state, trip.name)
+            one.e_stop()
+            one.trip("later", "other")
+            assert (one.tripped_by, one.reason) == ("e_stop", "emergency stop"), (state, trip.name)
+            one.reset()
+            assert one.tripped_by == one.reason == "" and one.watched.latched() == (), (state, trip.name)
+
+
+def test_of_several_trips_in_one_sample_all_are_told():
+    one = Rig(load_rig("hydmag"))
+    one.watched.arrays.trips["limit"][[1, 3]], one.watched.arrays.trips["delay"][[1, 3]] = -np.inf, 0
+    names = [one.watched.trips[number].name for number in (1, 3)]
+    one.advance_samples(1)
+    assert one.tripped_by == names[0] and one.reason.endswith(f"; at the same time trip {names[1]}")
+    assert trips_named(one.reason) == names
+
+
 @pytest.mark.parametrize("rig", ["hydmag", "chain_saw"])
 def test_trips_without_a_limit_are_listed_too(rig, capsys):
-    """A run's record names one of the listed trips, whatever ended the run."""
+    """A run's record names one of the listed trips, whatever ended the run, and each has its number on CAN."""
     assert main(["list", "trips", "--rig", rig, "--json", "-"]) == 0
-    listed = {row["trip"] for row in json.loads(capsys.readouterr().out)}
+    listed = {row["trip"]: (int(row["SPN"]), int(row["FMI"])) for row in json.loads(capsys.readouterr().out)}
     others = {"e_stop", "device_silent", "process_lost", "ended_early", "stood_still", "no_finite_number", "not_settled"}
     own = {"controller_silent", "controller_failed"} if rig == "hydmag" else set()
-    assert listed == {trip.name for trip in load_rig(rig).trips} | others | own
+    assert listed.keys() == {trip.name for trip in load_rig(rig).trips} | others | own
+    assert len(set(listed.values())) == len(listed)
+
+
+@pytest.mark.parametrize(
+    "reason, name",
+    [
+        ("emergency stop", "e_stop"),
+        ("valve commands older than 100 ms: the shift controller is silent", "controller_silent"),
+        ("none of the first 101 samples was answered: no frame came", "controller_silent"),
+        ("controller python:mine.py:Tcu, sample 300: status error: P0746", "controller_failed"),
+        ("the shift controller took more than 1 s for one sample (--step-timeout)", "controller_failed"),
+        ("motor: no answer on /motor/cut/answer for 100 ms", "device_silent"),
+        ("alfa46 killed by signal 9 (SIGKILL)", "process_lost"),
+        ("the rig stood still for 1.20 s of real time", "stood_still"),
+        ("the recorder stands still for 1.1 s", "stood_still"),
+        ("the rig was ended by hand", "ended_early"),
+    ],
+)
+def test_the_reason_of_a_trip_tells_its_name(reason, name):
+    assert trips_named(reason) == [name]
 
 
 @pytest.mark.parametrize("rig", list(rig_folders()))
 def test_every_trip_has_a_number_of_its_own_and_a_source(rig):
     trips = load_rig(rig).trips
-    numbers = [trip.spn for trip in trips]
+    numbers = [trip.spn for trip in trips] + [rule.spn for rule in RULES.values()]
     assert len(set(numbers)) == len(numbers) and min(numbers) >= 520_192 and max(numbers) <= 522_239
     assert all(trip.source for trip in trips) and len({trip.name for trip in trips}) == len(trips)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"effects.transducers": "off", "effects.current_loop": "off", "trips.overspeed_w0.limit": "900 rpm"},
+        {"valve_zr_p1.source": "topic", "instruments.torque_noise": "0 Nm"},
+    ],
+)
+def test_what_is_switched_off_moves_no_number_of_another_trip(settings):
+    numbers = {trip.name: trip.spn for trip in load_rig("hydmag").trips}
+    left = {trip.name: trip.spn for trip in load_rig("hydmag", settings).trips}
+    assert left.keys() < numbers.keys() and left.items() <= numbers.items()

@@ -37,11 +37,14 @@ def test_a_trip_of_its_own_ends_the_run_and_is_in_its_record(variant, tmp_path, 
     assert json.loads(capsys.readouterr().out)[-1]["threshold"] == "700 rpm"
 
 
-def test_its_limit_can_be_set_and_it_falls_away_with_its_transducer(variant):
-    rig = variant(OWN)
-    assert load_rig(rig, {"trips.too_fast.limit": "900 rpm"}).trips[-1].limit == pytest.approx(94.248, abs=1e-3)
-    other = variant('  cold: {signal: T_oil, below: [5 degC, "assumed"]}\n')
-    assert [trip.name for trip in load_rig(other).trips][-1] == "cold"
+def test_its_limit_can_be_set_and_it_falls_away_with_its_transducer(tmp_path):
+    pressed = '  pressed: {signal: F_ps, above: [4 kN, "assumed"]}\n  full: {signal: p_z, above: [2 MPa, "assumed"]}\n'
+    (tmp_path / "rig.yaml").write_text(HEAD.replace("hydmag", "cylinder_bench") + pressed)
+    first, second = load_rig(tmp_path, {"trips.pressed.limit": "3 kN"}).trips[-2:]
+    assert (first.name, first.limit, second.name) == ("pressed", 3000.0, "full")
+    left = load_rig(tmp_path, {"instruments.force_fitted": "off"})
+    assert [trip.name for trip in left.trips if trip.name in ("pressed", "full")] == ["full"]
+    assert left.trips[-1].spn == second.spn
 
 
 @pytest.mark.parametrize(
@@ -58,6 +61,7 @@ def test_its_limit_can_be_set_and_it_falls_away_with_its_transducer(variant):
         ("  fast: 3", "unknown key 'fast' in trips"),
         ('  fast: {signal: [n_wej], above: [1 rpm, "a"]}', "there is no transducer"),
         ('  a-b: {signal: n_wej, above: [1 rpm, "a"]}', "letters, digits and _"),
+        ('  e_stop: {signal: n_wej, above: [1 rpm, "a"]}', "the name of a rule of the bench"),
     ],
 )
 def test_what_is_no_trip_is_refused_with_file_and_line(variant, text, sentence):

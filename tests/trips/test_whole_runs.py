@@ -4,14 +4,19 @@
 """Whole runs that would break the machine: each ends in the safe state by the trip that is meant for it, and says so everywhere."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
+from rig_nodes.analysis import members_in, table_of
 from rig_nodes.bags import Bag
 from rig_nodes.base import RigError, rig_folders
 from rig_nodes.cli.main import main
+from rig_nodes.controllers import load_controller
 from rig_nodes.rig import config_of_record, load_rig
+from rig_nodes.rig.trip import SAFE_WITHIN
 from rig_nodes.runs import Rig, RigStatus, load_sequence, record
+from rig_nodes.runs.simulation import advance_with
 
 REPORTING = """
 from rig_nodes.controllers.seam import ControllerOutputs, Status
@@ -44,12 +49,12 @@ def driven(settings=None, speed=157.0, oil=4e6, load=None, rig="hydmag"):
     return made
 
 
-def held(rig, currents, seconds, gear=0):
+def held(rig, currents, seconds, gear=0, shifting=False):
     """Hold currents at the valves until the rig trips, for at most so many seconds; return the name of the trip."""
     for _ in range(round(seconds * 1e3)):
         if rig.safe:
             break
-        rig.set_current(rig.sample, currents, gear, False)
+        rig.set_current(rig.sample, currents, gear, shifting)
         rig.advance_samples(1)
     return rig.tripped_by
 
@@ -60,8 +65,14 @@ def test_both_clutches_on_under_load_trip_by_their_name():
     assert rig.reason.startswith("trip tie_up_clutch_s1_clutch_s2: the surface pressure of S2 beside S1 is ")
 
 
+def test_twice_the_speed_trips_by_its_name():
+    rig = driven(speed=314.0)
+    assert held(rig, (0.0, 0.0, 0.0), 5.0).startswith("overspeed_")
+    assert 1.6 * 157.0 < rig.true("w0.speed") < 2.0 * 157.0
+
+
 def test_plates_that_burn_trip_by_their_heat_before_they_glow():
-    rig = driven({"plate_pack.heat_capacity": "100 J/K"}, load=20e6)
+    rig = driven(load=20e6)
     assert held(rig, (0.25, 0.0, 0.0), 60.0) in ("slip_energy_clutch_s1", "hot_plates_clutch_s1")
     assert rig.device("clutch_s1")["temperature"] < 205.0
 
@@ -78,29 +89,65 @@ def test_a_gear_whose_clutch_slips_or_is_open_trips_by_its_name():
     assert held(driven(load=8e6), (0.2, 0.0, 0.0), 4.0, gear=1) == "slip_in_gear_I_clutch_s1"
 
 
-def test_the_safe_state_has_no_current_no_drive_torque_and_no_load_within_its_time():
+def test_a_shift_that_never_ends_trips_by_its_name():
+    rig = driven({"trips.shift_too_long.delay": "300 ms"})
+    assert held(rig, (0.6, 0.0, 0.0), 1.0, gear=1, shifting=True) == "shift_too_long"
+    assert load_rig("hydmag").value("trips.shift_too_long.delay") == 10.0
+
+
+def test_a_trip_of_a_gear_fires_in_the_same_sample_wherever_the_controller_runs():
+    config = load_rig("hydmag")
+    inside, outside, plug = Rig(config), Rig(config, controller="external", level="duty"), load_controller("alfa46", config, "duty")
+    for rig in (inside, outside):
+        rig.set("motor", 100.0, True)
+    for _ in range(200):
+        inside.advance_samples(1)
+        advance_with(outside, plug)
+    inside.order_gear(1)
+    plug.order(1)
+    while not (inside.safe and outside.safe) and inside.sample < 3000:
+        inside.advance_samples(1)
+        advance_with(outside, plug)
+    plug.close()
+    assert inside.tripped_by == "lost_oil_supply" and inside.reason == outside.reason
+
+
+def test_the_safe_state_begins_at_once_and_is_reached_within_its_stated_time():
     rig = driven(load=8e6)
     held(rig, (0.6, 0.0, 0.0), 3.0)
     torque, pressure = float(rig.motor["torque"]), float(rig.load["pressure"])
     rig.trip("a reason", "a_name")
     rig.advance_samples(1)
-    assert rig.valves[0]["duty"] == 0.0
-    rig.advance_samples(150)
+    assert rig.valves[0]["duty"] == 0.0 and not rig.motor["enabled"] and rig.load["pressure"] < pressure
+    rig.advance_samples(round(SAFE_WITHIN * 1e3) - 1)
     assert torque > 5.0 and abs(rig.motor["torque"]) < 0.01 * torque
     assert pressure > 1e6 and rig.load["pressure"] < 0.01 * pressure
     assert rig.coil_currents()[0] < 0.01
+    assert f"reached within {SAFE_WITHIN * 1e3:g} ms" in rig.config.trips[0].row()["reaction"]
 
 
-def test_the_red_button_wins_over_a_trip_and_one_reset_ends_both():
-    rig = driven(load=8e6)
-    held(rig, BOTH_ON, 5.0)
-    assert [trip.name for trip in rig.watched.latched()] == ["tie_up_clutch_s1_clutch_s2"]
+def test_after_a_reset_nothing_drives_before_it_is_ordered_again():
+    rig = Rig(load_rig("hydmag_hydrostatic"))
+    for step, value in (("motor", 100.0), ("pump", 0.5), ("hydraulic_motor", 1.0)):
+        rig.set(step, value, True)
+    rig.advance(0.6)
+    drive = rig.device("hydrostatic")
+    assert drive["swivel_pump"] > 0.4 and drive["swivel_motor"] > 0.4
     rig.e_stop()
-    assert (rig.tripped_by, rig.reason) == ("e_stop", "emergency stop")
-    rig.trip("later", "other")
-    assert rig.tripped_by == "e_stop"
+    rig.advance(1.0)
     rig.reset()
-    assert (rig.tripped_by, rig.reason, rig.watched.latched()) == ("", "", ()) and rig.status == RigStatus.STARTING
+    rig.advance(0.1)
+    assert rig.motor["torque"] == drive["swivel_pump"] == drive["swivel_motor"] == 0.0
+
+
+def test_a_gear_whose_coils_the_rig_holds_open_after_a_reset_does_not_trip_as_not_reached():
+    rig = driven()
+    assert held(rig, (0.6, 0.0, 0.0), 1.0, gear=1) == ""
+    rig.e_stop()
+    rig.reset()
+    assert (rig.gear, rig.shifting) == (0, False)
+    rig.set("motor", 157.0, True)
+    assert held(rig, (0.6, 0.0, 0.0), 1.5, gear=1) == "" and rig.status == RigStatus.STARTING
 
 
 def test_a_trip_is_the_same_however_the_time_is_divided():
@@ -140,7 +187,8 @@ def test_twice_the_speed_ends_a_run_with_the_trip_in_exit_code_report_bag_and_re
     end = report["run"]["end"]
     assert code == 1 and end["state"] == "tripped" and end["trip"] == "overspeed_w0"
     assert (
-        end["reason"].startswith("trip overspeed_w0: the speed of w0 is 75") and "its limit of 750 rpm for 10 ms" in end["reason"]
+        end["reason"].startswith("trip overspeed_w0: the speed of w0 is 75")
+        and "at its highest, above its limit of 750 rpm and for 10 ms not below 735 rpm again, at " in end["reason"]
     )
     bag = Bag(folder)
     assert bag.end == {"state": "tripped", "reason": end["reason"], "trip": "overspeed_w0"}
@@ -153,6 +201,15 @@ def test_twice_the_speed_ends_a_run_with_the_trip_in_exit_code_report_bag_and_re
     assert config_of_record(record_, "here").value("trips.overspeed_w0.limit") == pytest.approx(78.54, abs=0.01)
 
 
+def test_a_tripped_run_that_is_run_again_trips_again(tripped, tmp_path, capsys):
+    _, folder = tripped
+    assert main(["rerun", str(folder), "--through", "plant", "--out", str(tmp_path / "again")]) == 1
+    shown = capsys.readouterr()
+    assert "topics are bit for bit as recorded" in shown.out and "rig: the rig tripped: trip overspeed_w0: " in shown.err
+    assert Bag(tmp_path / "again").end == Bag(folder).end
+    assert json.loads((tmp_path / "again" / "report.json").read_text())["run"]["end"] == Bag(folder).end
+
+
 def test_a_report_made_later_and_its_page_say_the_trip(tripped, tmp_path, capsys):
     _, folder = tripped
     page = tmp_path / "page.html"
@@ -161,14 +218,34 @@ def test_a_report_made_later_and_its_page_say_the_trip(tripped, tmp_path, capsys
     assert "trip overspeed_w0: the speed of w0 is" in page.read_text()
 
 
-def test_without_trips_the_run_goes_on_and_every_report_says_so(tmp_path, capsys):
-    folder, page = tmp_path / "run", tmp_path / "page.html"
+def test_without_trips_a_run_has_the_same_bits_and_everything_made_of_it_says_so(tmp_path, capsys):
+    folder, other, page = tmp_path / "runs" / "off", tmp_path / "runs" / "on", tmp_path / "page.html"
     low = ["--set", "trips.overspeed_w0.limit=200 rpm", "--no-trips"]
     assert main(["simulate", "sample", "--out", str(folder), *low]) == 0
     main(["report", str(folder), "--html", str(page)])
-    shown = capsys.readouterr().out
-    assert shown.count("trips: the trips were off: nothing kept the machine within its limits") == 2
+    shown, said = capsys.readouterr().out, "the trips were off: nothing kept the machine within its limits"
+    assert shown.count(f"trips: {said}") == 2
     assert "The trips were off" in page.read_text()
+    assert main(["simulate", "sample", "--out", str(other)]) == 0
+    ours, theirs = (Bag(one).canonical_hash() for one in (folder, other))
+    assert ours.keys() == theirs.keys()
+    assert {topic for topic in ours if ours[topic] != theirs[topic]} == {"/rig/run_info", "all"}
+    capsys.readouterr()
+    main(["compare", str(other), str(folder)])
+    assert f"off: {said}" in capsys.readouterr().out
+    assert [row[0] for row in table_of(members_in(folder.parent))[1]] == ["off, trips off", "on"]
+
+
+def test_the_diagnostics_of_a_rig_say_that_its_trips_are_off():
+    pytest.importorskip("rclpy")
+    from rig_nodes.nodes.diagnostics import WARN
+    from rig_nodes.nodes.rig_health import RigHealth
+
+    rig = Rig(load_rig("hydmag", {"trips.watched": "off"}))
+    rig.advance_samples(1)
+    health = RigHealth(rig, SimpleNamespace(overruns=0), SimpleNamespace(refused={}), []).whole()
+    assert health.level == WARN
+    assert health.message == "ready: the motor is off, but its trips are off: nothing keeps it within its limits"
 
 
 def test_wrong_limits_are_refused_with_what_would_be_right(tmp_path):

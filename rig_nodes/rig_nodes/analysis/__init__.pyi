@@ -34,11 +34,12 @@ from .quality import FAILED as FAILED, bounds_of as bounds_of, GRADES as GRADES,
 from .ranges import LOGGER as LOGGER, range_lines as range_lines
 from .report_text import format_report as format_report, no_shift as no_shift, numbered_way as numbered_way, shift_name as shift_name
 from .results import ENDS as ENDS, Result as Result, number as number, results_of as results_of, spread as spread, spread_cells as spread_cells, spread_lines as spread_lines
-from .run_report import REPORT_FILE as REPORT_FILE, build_report as build_report, info_of as info_of, is_of as is_of, plain as plain, read_report as read_report, shown_transmission as shown_transmission, verdicts_in as verdicts_in, without_trips as without_trips, write_report as write_report
+from .run_report import REPORT_FILE as REPORT_FILE, build_report as build_report, info_of as info_of, is_of as is_of, plain as plain, read_report as read_report, shown_transmission as shown_transmission, verdicts_in as verdicts_in, write_report as write_report
 from .run_settings import settings_of_run as settings_of_run
 from .runs_table import Member as Member, judged_members as judged_members, member_of as member_of, members_in as members_in, named_shifts as named_shifts, read_procedure as read_procedure, table_of as table_of, warnings_of as warnings_of, write_procedure as write_procedure
 from .shift import shift_metrics as shift_metrics, shifts as shifts, with_ends as with_ends, without_slip as without_slip
 from .side_by_side import Comparison as Comparison, ShiftCurves as ShiftCurves, Source as Source, compare as compare, short_names as short_names
 from .slip_bench import MODELS as MODELS, cylinder_line as cylinder_line, ring_area as ring_area, slip_line as slip_line, slip_tests as slip_tests, spring_line as spring_line
 from .state_at_order import Moment as Moment, begun_lines as begun_lines, flat as flat, put_known as put_known, unit_of as unit_of, unlike as unlike
+from .trips import trip_lines as trip_lines, without_trips as without_trips
 from .valve_response import valve_delay as valve_delay

@@ -22,6 +22,8 @@ TAKEN = ("member", "seed", "shift", "end", "reason", "quality")  # columns that 
 def put_loops(rows: Iterable[dict], loops: Sequence[Mapping] | None, steps: Iterable[tuple[float, float]]) -> None:
     """Put the values of the loops around its order into each row of metrics, under ``loops``; nothing for a run without loops.
 
+    A name whose values have several dimensions is told apart by them: ``load.torque`` and ``load.pressure``, of one unit each.
+
     Parameters
     ----------
     rows : iterable of dict
@@ -35,12 +37,23 @@ def put_loops(rows: Iterable[dict], loops: Sequence[Mapping] | None, steps: Iter
         return
     began = list(steps)
     times = [t for t, _ in began]
-    for row in rows:
-        at = bisect_right(times, row["t_order_s"] + 1e-9) - 1
-        number = began[at][1] if at >= 0 else 0
-        with suppress(LookupError, TypeError, AttributeError):  # a bag may hold anything there
+    with suppress(LookupError, TypeError, AttributeError):  # a bag may hold anything there
+        dimensions: dict[str, set[str | None]] = {}
+        for one in loops:
+            for name, value in one["values"].items():
+                dimensions.setdefault(name, set()).add(dimension_of_text(str(value)))
+        for row in rows:
+            at = bisect_right(times, row["t_order_s"] + 1e-9) - 1
+            number = began[at][1] if at >= 0 else 0
             values = next((one["values"] for one in loops if one["first"] <= number <= one["last"]), {})
-            row.update({"loops": {name: str(value) for name, value in values.items()}} if values else {})
+            if values:
+                row["loops"] = {_told_apart(name, str(value), dimensions[name]): str(value) for name, value in values.items()}
+
+
+def _told_apart(name: str, value: str, dimensions: set[str | None]) -> str:
+    """Return the name of a loop's value, with its dimension behind it where the name has several."""
+    dimension = dimension_of_text(value)
+    return name if dimension is None or len(dimensions) == 1 else f"{name}.{dimension.replace(' ', '_')}"
 
 
 def loop_columns(row: Mapping) -> dict[str, tuple[float | str, str]]:

@@ -24,8 +24,9 @@ from .metrics import COURSE, Metric, named_metrics
 from .no_change import measured_lines
 from .quality import sentence_of
 from .ranges import range_lines
-from .run_report import RUN_KEYS, shown_transmission, verdicts_in, window_of, without_trips
+from .run_report import RUN_KEYS, shown_transmission, verdicts_in, window_of
 from .state_at_order import begun_lines
+from .trips import trip_lines, without_trips
 
 WHERE_DEFINED = (
     "what the symbols mean: docs/reference/glossary.md; valid and quality: docs/how_to/report.md, section Quality of a shift"
@@ -38,11 +39,12 @@ def format_report(report: dict) -> str:
     The largest error of each metric follows under each shift after "+-". Annex A and the plant's states follow when the
     report holds them.
     """
+    head = [f"trips: {off}"] if (off := without_trips(report["run"])) else []
     if "bench" in report:
         from .press_bench import bench_lines
 
         lines = bench_lines(report["bench"]) or range_lines(report.get("signals", []))
-        return _shown([*lines, "", *_run_lines(report["run"])])
+        return _shown([*head, *lines, "", *_run_lines(report["run"])])
     box = shown_transmission(report)
     rows, verdicts = report["shifts"], verdicts_in(report)
     errors = report.get("uncertainty") or [{} for _ in rows]
@@ -59,7 +61,7 @@ def format_report(report: dict) -> str:
         lines += ["", *annex_lines(names, rows, errors, report["annex_a"], box)]
     if "truth" in report:
         lines += ["", *truth_lines(names, rows, errors, report["truth"], box)]
-    return _shown([*lines, "", *_energy_lines(report, box), *_basis_lines(report), *_run_lines(report["run"])])
+    return _shown([*head, *lines, "", *_energy_lines(report, box), *_basis_lines(report), *_run_lines(report["run"])])
 
 
 def _shown(lines: list[str]) -> str:
@@ -179,7 +181,7 @@ def _run_lines(run: dict) -> list[str]:
         return [f"problem: {problem}" for problem in run.get("problems", [])]  # a logger's file, which is not a run of the rig
     begun = _numbers(run).get("recorded_from_s")
     since = f" (recorded from {begun:.3f} s on)" if begun else ""
-    lines = fault_lines(run.get("faults") or ())
+    lines = fault_lines(run.get("faults") or ()) + trip_lines(run)
     lines += [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}{since}"]
     if left_out := _numbers(run.get("left_out")):
         lines.append(f"left out by the recorder's options: {sum(left_out.values())} messages of {len(left_out)} topics")
@@ -191,8 +193,6 @@ def _run_lines(run: dict) -> list[str]:
     end = run["end"]
     reason = end.get("reason") if isinstance(end, dict) else end
     lines.append(f"end: {reason or 'unknown'}")
-    if off := without_trips(run):
-        lines.append(f"trips: {off}")
     if run.get("recovered"):
         lines.append(f"bag: damaged; {run['recovered']}")
     return lines + [f"problem: {problem}" for problem in run.get("problems", [])]

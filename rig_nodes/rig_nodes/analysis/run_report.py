@@ -19,7 +19,7 @@ import numpy as np
 
 from ..bags import NOTHING, UNREADABLE, Bag, Recording, example_of_orders, holds_rig, limits, orders_in, rig_record
 from ..base import RigError, atomic_write
-from ..rig import TRIPS, WATCHED, End, Inertias, Transmission, load_rig, transmission_of
+from ..rig import End, Inertias, Transmission, load_rig, transmission_of
 from .annex_a import shifts_annex_a
 from .clipped import clipped_in
 from .clutch_torques import put_torques
@@ -36,6 +36,7 @@ from .quality import quality_of
 from .ranges import signal_ranges
 from .shift import shifts
 from .state_at_order import put_states
+from .trips import trips_in, warnings_in
 
 REPORT_FILE = "report.json"
 _NOTHING_SHOWN = Transmission(
@@ -159,12 +160,6 @@ def no_rig(error: Exception) -> RigError:
     )
 
 
-def without_trips(run: Mapping) -> str:
-    """Return a sentence when the trips of a run were off; empty otherwise."""
-    trips = (run.get("configuration") or {}).get(TRIPS) or {}
-    return "" if trips.get(WATCHED, True) else "the trips were off: nothing kept the machine within its limits"
-
-
 def info_of(bag: Bag | Gathered) -> dict:
     """Return the information in a bag about its run, for the run part of a report."""
     info = bag.run_info()
@@ -183,8 +178,13 @@ def _run_data(bag: Bag | Gathered, run: dict) -> dict:
         data["lost"] = sum(bag.gaps().values())
     if bag.recorded_from:
         data["recorded_from_s"] = bag.recorded_from
-    if faults := faults_in(bag.events()):
+    events = bag.events()
+    if faults := faults_in(events):
         data["faults"] = faults
+    if trips := trips_in(events):
+        data["trips"] = trips
+    if warned := warnings_in(events):
+        data["trip_warnings"] = warned
     data.update((key, run[key]) for key in sorted(run) if key not in RUN_KEYS and key != "problems")
     return data
 

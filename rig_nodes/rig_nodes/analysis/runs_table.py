@@ -23,6 +23,7 @@ from .quality import GRADES
 from .results import ENDS, Result, results_of, spread
 from .run_report import REPORT_FILE, plain, read_report, shown_transmission, verdicts_in
 from .state_at_order import unlike
+from .trips import without_trips
 
 PROCEDURE_FILE = "procedure.json"
 MOST_NAMED = 12  # runs that are named in a warning
@@ -33,8 +34,8 @@ _REPEAT = re.compile(r"-\d+$")
 class Member:
     """One run.
 
-    It has the label of its series, its name, its results, the grades of its shifts, why it did not end as planned, and for the
-    states at the orders the name, metrics and errors of each shift with their transmission.
+    It has the label of its series, its name, its results, the grades of its shifts, why it did not end as planned, for the states
+    at the orders the name, metrics and errors of each shift with their transmission, and whether its trips were off.
     """
 
     label: str
@@ -44,6 +45,7 @@ class Member:
     failed: str = ""
     shifts: list[tuple[str, Mapping, Mapping]] = field(default_factory=list)
     box: Transmission | None = None
+    trips_off: bool = False
 
 
 def member_of(label: str, name: str, report: Mapping) -> Member:
@@ -52,7 +54,8 @@ def member_of(label: str, name: str, report: Mapping) -> Member:
     bad = isinstance(end, Mapping) and end.get("state") not in (None, "ended")
     grades = [one["grade"] for one in verdicts_in(report) if one and one["grade"]]
     box = shown_transmission(report) if report["shifts"] else None
-    return Member(label, name, results_of(report), grades, str(end.get("reason")) if bad else "", named_shifts(name, report), box)
+    named, off = named_shifts(name, report), bool(without_trips(report["run"]))
+    return Member(label, name, results_of(report), grades, str(end.get("reason")) if bad else "", named, box, off)
 
 
 def named_shifts(name: str, report: Mapping) -> list[tuple[str, Mapping, Mapping]]:
@@ -151,7 +154,7 @@ def table_of(members: Sequence[Member]) -> tuple[list[str], list[list[str]]]:
     rows = []
     for label in labels:
         own = [member for member in members if member.label == label]
-        cells = [label, str(len(own))]
+        cells = [f"{label}, trips off" if any(member.trips_off for member in own) else label, str(len(own))]
         for key, column in columns.items():
             those = [one for member in own for one in member.results if (one.kind, one.key) == key and one.value is not None]
             error = max((one.error for one in those if one.error is not None), default=None)

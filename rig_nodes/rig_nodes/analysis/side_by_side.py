@@ -22,6 +22,7 @@ from .moved import REST, differences
 from .phases import times_of
 from .run_report import plain, report_of_recording
 from .state_at_order import unlike
+from .trips import without_trips
 
 POINTS = 4000  # at most, of a drawn curve of a whole run
 BEFORE, AFTER, UNKNOWN = 0.1, 0.15, 1.5  # s before an order, after the settled torque, and after an order without an end
@@ -83,7 +84,7 @@ class ShiftCurves:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result: names, clocks, rows of metrics and signals, curves of the run and of each shift, and what began differently."""
+    """The result: names, clocks, rows of metrics and signals, curves of run and shifts, and what else differed: trips, states."""
 
     names: list[str]
     clocks: list[Clock]
@@ -183,7 +184,7 @@ def _aligned(
 
 
 def _starts(sources: Sequence[Source], shifts_of: Sequence[Mapping[int, tuple[dict, dict]]]) -> list[str]:
-    """Return sentences on the shifts that began differently in the recordings.
+    """Return sentences on the recordings whose trips were off, and on the shifts that began differently.
 
     Parameters
     ----------
@@ -192,7 +193,9 @@ def _starts(sources: Sequence[Source], shifts_of: Sequence[Mapping[int, tuple[di
     shifts_of : sequence of mapping of int to (dict, dict)
         Of each one, metrics and their errors by the shift's place among those of the first one.
     """
-    names, lines = short_names([one.name for one in sources]), []
+    names = short_names([one.name for one in sources])
+    off = [without_trips({"configuration": one.record}) for one in sources]
+    lines = [f"{name}: {sentence}" for name, sentence in zip(names, off) if sentence]
     for number in shifts_of[0]:
         same = [(name, *found[number]) for name, found in zip(names, shifts_of) if number in found]
         lines += unlike(same, sources[0].recording.transmission, f"shift {number + 1},")

@@ -112,11 +112,10 @@ def rerun_into(folder: Path, bag: Gathered, config: RigConfig, controller: Plug 
             answers = rerun_controller(bag, config, controller, spec, folder)
         return Rerun(Run(folder), 0, [], [], [], answers)
     with waiting(AGAIN):
-        notes = rerun_plant(bag, config, folder)
+        notes, end = rerun_plant(bag, config, folder)
     new = gather(folder)
-    end = {"state": "ended", "reason": f"the recorded commands of {bag.path.name} ended"}
     report = build_report(new, {**info_of(new), "mode": "rerun", "end": end})
     write_report(folder, report)
     different = different_topics(bag, new)
     moved = moved_lines(build_report(bag, info_of(bag)), report) if different else []
-    return Rerun(Run(folder), len(new.types) - 1, different, moved, notes, None)
+    return Rerun(Run(folder, report), len(new.types) - 1, different, moved, notes, None)

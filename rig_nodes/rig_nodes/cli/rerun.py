@@ -55,7 +55,7 @@ class Through(argparse.Action):
 
 
 def main(args: argparse.Namespace) -> int:
-    """Run the bag again; return 1 when a controller failed."""
+    """Run the bag again; return 1 when a controller failed or the plant tripped."""
     from ..analysis import gather
     from ..bags import faults_of, with_end
     from ..base import RigError, printable, quoted
@@ -82,17 +82,21 @@ def main(args: argparse.Namespace) -> int:
 
 def _plant(bag: Gathered, config: RigConfig, folder: Path) -> int:
     from ..api import rerun_into
+    from ..base import printable
 
     found = rerun_into(folder, bag, config)
     for note in found.notes:
-        print(f"rig: warning: {note}", file=sys.stderr)
-    if not found.different:
+        print(f"rig: warning: {printable(note)}", file=sys.stderr)
+    if found.different:
+        print(f"{len(found.different)} of {found.topics} topics differ from the recorded ones: {', '.join(found.different)}")
+        for line in found.moved:
+            print(line)
+    else:
         print(f"all {found.topics} topics are bit for bit as recorded")
+    if found.run.end["state"] != "tripped":
         return 0
-    print(f"{len(found.different)} of {found.topics} topics differ from the recorded ones: {', '.join(found.different)}")
-    for line in found.moved:
-        print(line)
-    return 0
+    print(f"rig: the rig tripped: {printable(found.run.end['reason'])}", file=sys.stderr)
+    return 1
 
 
 def _controller(bag: Gathered, config: RigConfig, spec: str, level: str | None, folder: Path) -> int:

@@ -87,6 +87,8 @@ class RigHealth:
             )
             return Health("rig", WARN, f"starting: {what}", self._clock)
         text = "running: the motor is on" if status == RigStatus.RUNNING else "ready: the motor is off"
+        if not self.rig.config.trips_watched:
+            return Health("rig", WARN, f"{text}, but its trips are off: nothing keeps it within its limits", self._clock)
         if near := [trip.quantity.text for trip in self.rig.watched.near()]:
             return Health("rig", WARN, f"{text}, but near the limit: {', '.join(near)}", self._clock)
         if self.other_clocks:
@@ -103,7 +105,7 @@ class RigHealth:
             "time_s": self.rig.time,
             "overruns": self.clock.overruns,
             "refused_commands": sum(tuple(self.commands.refused.values())),
-            "other_clocks": " ".join(self.other_clocks),
+            "other_clocks": ", ".join(self.other_clocks),
         }
         late = sorted(getattr(self.clock, "lateness_ns", [])[-NEWEST:])  # none in lockstep
         if late:

@@ -5,6 +5,7 @@
 
 from .alfa46 import Alfa46Config as Alfa46Config, Alfa46Values as Alfa46Values, OUTPUT_KEYS as OUTPUT_KEYS, POINTS as POINTS, beyond_alfa46 as beyond_alfa46, check_gains as check_gains, check_profile as check_profile, read_alfa46 as read_alfa46
 from .settings_changed import changed_settings as changed_settings
+from .bench_trips import BAD_CONTROLLER as BAD_CONTROLLER, ENDED_EARLY as ENDED_EARLY, NO_ANSWER as NO_ANSWER, NO_COMMAND as NO_COMMAND, NO_NUMBER as NO_NUMBER, PROCESS_LOST as PROCESS_LOST, RED_BUTTON as RED_BUTTON, RESET_EVENT as RESET_EVENT, STATUS as STATUS, STOOD_STILL as STOOD_STILL, TRIPPED as TRIPPED, UNSETTLED as UNSETTLED, WARNING as WARNING, bench_trips as bench_trips, trips_named as trips_named
 from .commands import Setpoint as Setpoint
 from .configuration import RigConfig as RigConfig, check_gearbox as check_gearbox, load_gearbox_rig as load_gearbox_rig, load_rig as load_rig, rig_name as rig_name, with_overrides as with_overrides
 from .cross_checks import cross_check as cross_check
@@ -21,6 +22,6 @@ from .signal_catalogue import Catalogue as Catalogue, Offer as Offer, QOS as QOS
 from .signals import CONTROLLER_COMMAND as CONTROLLER_COMMAND, CONTROLLER_EVENTS as CONTROLLER_EVENTS, CONTROLLER_FAILED as CONTROLLER_FAILED, CONTROLLER_SILENT as CONTROLLER_SILENT, GEAR_WAS as GEAR_WAS, SHIFT_ORDERED as SHIFT_ORDERED, TORQUES as TORQUES, absolute_pressures as absolute_pressures, torque_signals as torque_signals
 from .structure import Device as Device, End as End, OwnPlot as OwnPlot, RATE as RATE, Structure as Structure, Transducer as Transducer, structure_of as structure_of
 from .transducer_types import TRANSDUCER_TYPES as TRANSDUCER_TYPES, measured_range as measured_range
-from .trip import GEAR as GEAR, HYSTERESIS as HYSTERESIS, MEASURED as MEASURED, REACTION as REACTION, RESET as RESET, SHIFTING as SHIFTING, STAYED as STAYED, Sum as Sum, Trip as Trip
+from .trip import GEAR as GEAR, HYSTERESIS as HYSTERESIS, MEASURED as MEASURED, SHIFTING as SHIFTING, STAYED as STAYED, Sum as Sum, Trip as Trip
 from .trips import TRIPS as TRIPS, WATCHED as WATCHED
 from .transmission import Clutch as Clutch, Inertias as Inertias, NEUTRAL as NEUTRAL, Shift as Shift, Transmission as Transmission, ranges_of as ranges_of, slip_of as slip_of, transmission_of as transmission_of

@@ -14,12 +14,17 @@ from ..base import shown_in
 from .quantities import QUANTITIES
 from .transducer_types import TRANSDUCER_TYPES
 
-REACTION = "safe state at the next step: coils without current, drive torque off, load relief open"
+SAFE_WITHIN = 0.15  # s in which all of the safe state is reached
+REACTION = (
+    "safe state, from the next step on at once: coils without current, drive torque off, load relief open; "
+    f"reached within {SAFE_WITHIN * 1e3:g} ms"
+)
 RESET = "by hand (rig reset)"
 HYSTERESIS = 0.02  # assumed: share of a limit by which a value must fall below it before its time begins anew
-WARNING = 0.9  # assumed: share of a limit at which a warning is given
+NEAR = 0.9  # assumed: share of a limit at which a warning is given
 # failure mode identifiers of SAE J1939-73 that no fault has
-TOO_HIGH, TOO_LOW, ABOVE_RANGE = 0, 1, 3
+TOO_HIGH, TOO_LOW, ABOVE_RANGE, THERE = 0, 1, 3, 31
+FIRST_SPN = 520_192  # of the suspect parameters that SAE J1939 leaves to a manufacturer, 520 192 to 524 287
 GEAR, SHIFTING = "gear", "shifting"  # what the controller reports
 MEASURED, STAYED = "@", "="  # before the name of a transducer: what it shows, and for how many samples this has been the same
 
@@ -54,6 +59,12 @@ class Condition:
     text: str
 
 
+def summary_row(name: str, criteria: dict[str, str], spn: int, fmi: int, source: str) -> dict[str, str]:
+    """Return a row of the summary table of an on-board diagnosis; ``criteria`` are its columns from the quantity to the warning."""
+    ends = {"reaction": REACTION, "reset": RESET, "SPN": str(spn), "FMI": str(fmi), "source": source}
+    return {"trip": name, **criteria, **ends}
+
+
 @dataclass(frozen=True)
 class Trip:
     """One trip, as in the summary table of an on-board diagnosis.
@@ -80,6 +91,8 @@ class Trip:
         It is watched while all of them hold.
     rises : bool
         True when the quantity counts from the moment at which all conditions became true.
+    there : bool
+        False where a setting has taken away what it would watch; it keeps its number.
     spn : int
         Suspect parameter number.
     """
@@ -94,12 +107,13 @@ class Trip:
     above: bool = True
     enabled: tuple[Condition, ...] = ()
     rises: bool = False
+    there: bool = True
     spn: int = 0
 
     @property
     def warning(self) -> float | None:
         """The value at which a warning is given [SI]; None for a trip of what is right or wrong and does not approach a limit."""
-        return WARNING * self.limit if self.fmi == TOO_HIGH else None
+        return NEAR * self.limit if self.fmi == TOO_HIGH else None
 
     @property
     def clear(self) -> float:
@@ -112,23 +126,24 @@ class Trip:
         return f"{value * factor:.5g} {unit}"
 
     def sentence(self, value: float, when: float) -> str:
-        """Return the reason of the trip by the value [SI] and the time [s] at which it happened."""
-        held = f" for {self.delay * 1e3:g} ms" if self.delay else ""
-        return f"trip {self.name}: the {self._passed(value, self.limit)}{held}, at {when:.3f} s"
+        """Return the reason of the trip by the value furthest past the limit [SI] and the time [s] at which it tripped."""
+        way, back, furthest = ("above", "below", "highest") if self.above else ("below", "above", "lowest")
+        passed = f"{way} its limit of {self.written(self.limit)}"
+        is_ = f"trip {self.name}: the {self.quantity.text} is {self.written(value)}"
+        if not self.delay:
+            return f"{is_}, {passed}, at {when:.3f} s"
+        held = f"for {self.delay * 1e3:g} ms not {back} {self.written(self.clear)} again"
+        return f"{is_} at its {furthest}, {passed} and {held}, at {when:.3f} s"
 
     def warns(self, value: float, when: float) -> str:
         """Return the sentence of the warning by the value [SI] and the time [s] at which it was passed."""
-        return f"warning {self.name}: the {self._passed(value, self.limit, 'near')}, at {when:.3f} s"
-
-    def _passed(self, value: float, limit: float, how: str = "") -> str:
-        way = how or ("above" if self.above else "below")
-        return f"{self.quantity.text} is {self.written(value)}, {way} its limit of {self.written(limit)}"
+        near = f"near its limit of {self.written(self.limit)}, at {when:.3f} s"
+        return f"warning {self.name}: the {self.quantity.text} is {self.written(value)}, {near}"
 
     def row(self) -> dict[str, str]:
         """Return the row of the summary table."""
         warning = self.warning
-        return {
-            "trip": self.name,
+        criteria = {
             "quantity": self.quantity.text,
             "criterion": "above" if self.above else "below",
             "threshold": self.written(self.limit),
@@ -136,12 +151,8 @@ class Trip:
             "delay": f"{self.delay * 1e3:g} ms",
             "hysteresis": f"{HYSTERESIS * 100.0:g} %",
             "warning": "none" if warning is None else self.written(warning),
-            "reaction": REACTION,
-            "reset": RESET,
-            "SPN": str(self.spn),
-            "FMI": str(self.fmi),
-            "source": self.source,
         }
+        return summary_row(self.name, criteria, self.spn, self.fmi, self.source)
 
 
 def _shown(dimension: str) -> tuple[str, float]:

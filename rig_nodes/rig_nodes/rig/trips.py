@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING
 from ..base import SWITCH, Map, RigError, brief, check_keys, quantity, unknown, where_of
 from ..plant import ERRATIC, OPEN, SHORT, STUCK
 from ..plant import part as parts
+from .bench_trips import RULES
 from .driveline import bodies_shown
 from .settings import Setting
 from .structure import Device
 from .transducer_types import TRANSDUCER_TYPES
-from .trip import GEAR, MEASURED, TOO_HIGH, TOO_LOW, Condition, Sum, Trip
+from .trip import FIRST_SPN, GEAR, MEASURED, SHIFTING, TOO_HIGH, TOO_LOW, Condition, Sum, Trip
 from .trips_of_transducers import engaged, fitted, reading, trips_of_transducers
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 TRIPS, WATCHED = "trips", "watched"  # owner of the settings of trips, and that which turns all of them off
 OWN_TRIPS = "own_trips"  # key of a record for the trips that a rig's file describes
-FIRST_SPN = 520_192  # of the suspect parameters that SAE J1939 leaves to a manufacturer, 520 192 to 524 287
+OWN_SPN = FIRST_SPN + 1024  # of the first trip that a file describes: whatever devices a rig has, it keeps its number
 MOST_DELAY = 60.0  # s
 MOST_TIMES = 1e3  # by which a limit can be more than the one that follows from the rig
 
@@ -59,24 +60,24 @@ def trips_of(config: RigConfig) -> tuple[Trip, ...]:
     Returns
     -------
     tuple of Trip
-        The trips in their order, numbered from FIRST_SPN.
+        The trips in their order, numbered from FIRST_SPN, and from OWN_SPN on those that the rig's file describes.
     """
     out = []
-    for number, trip in enumerate(_derived(config)):
+    for trip in _there(config):
         own = {
             key: config.trip_values[f"{trip.name}.{key}"]
             for key in ("limit", "delay")
             if f"{trip.name}.{key}" in config.trip_values
         }
         source = config.trip_sources.get(trip.name, "set for this run") if own else trip.source
-        out.append(replace(trip, **own, source=source, spn=FIRST_SPN + number))
+        out.append(replace(trip, **own, source=source))
     return tuple(out)
 
 
 def trip_settings(config: RigConfig) -> list[Setting]:
     """Return the settings of a rig's trips: limit and delay of each, and whether they are watched at all."""
     out = [Setting(f"{TRIPS}.{WATCHED}", "Whether the trips are watched; off: the rig goes on until it breaks", SWITCH)]
-    for trip in _derived(config):
+    for trip in _there(config):
         name = f"{TRIPS}.{trip.name}"
         most = MOST_TIMES * trip.limit
         out += [
@@ -139,6 +140,8 @@ def _sourced(entry: object, setting: Setting, where: str) -> tuple[float, str]:
 def _own_trip(node: Map, path: str | Path, name: str, config: RigConfig) -> OwnTrip:
     """Return a trip that a rig's file describes."""
     one, line, what = node[name], where_of(path, node, name), f"{TRIPS}.{name}"
+    if name in RULES:
+        raise RigError(f"{line}: {what}: that is the name of a rule of the bench (rig list trips); name it otherwise")
     if not str(name).isidentifier():
         raise RigError(f"{line}: {what}: the name of a trip has letters, digits and _ only, found {brief(name)}")
     check_keys(path, one, ("signal", "above", "below", "delay"), ("signal",), what, line)
@@ -174,6 +177,22 @@ def default_of(config: RigConfig, key: str) -> float | bool:
 # ---- what follows from the devices
 
 
+def _there(config: RigConfig) -> Iterator[Trip]:
+    """The trips whose quantity is there, numbered by all that the devices have: what is switched off moves no number."""
+    numbers: dict[str, int] = {}
+    for trip in _derived(config):
+        number = numbers.setdefault(trip.name, FIRST_SPN + len(numbers))
+        if trip.there:
+            yield replace(trip, spn=number)
+    fit = {one.name for one in fitted(config)}
+    shown = {one.name: one for one in config.structure.transducers}
+    for number, own in enumerate(config.own_trips, OWN_SPN):
+        if own.signal in fit:
+            one, way = shown[own.signal], TOO_HIGH if own.above else TOO_LOW
+            dimension = TRANSDUCER_TYPES[one.type].dimension
+            yield Trip(own.name, reading(one), dimension, own.limit, own.source, way, own.delay, own.above, spn=number)
+
+
 def _derived(config: RigConfig) -> Iterator[Trip]:
     structure = config.structure
     yield from _speeds(config)
@@ -188,10 +207,10 @@ def _derived(config: RigConfig) -> Iterator[Trip]:
     if structure.shifts and structure.input:
         yield from _gears(config, {clutch.name: clutch for clutch in packs})
     yield from trips_of_transducers(config)
-    shown = {one.name: one for one in fitted(config)}
-    for own in (own for own in config.own_trips if own.signal in shown):
-        quantity_, dimension = reading(shown[own.signal]), TRANSDUCER_TYPES[shown[own.signal].type].dimension
-        yield Trip(own.name, quantity_, dimension, own.limit, own.source, TOO_HIGH if own.above else TOO_LOW, own.delay, own.above)
+    if structure.shifts and structure.input:
+        shifts = Sum("part of a shift that the controller still reports", ((SHIFTING, 1.0),))
+        source = "assumed: several times the longest shift; no trip of a gear is watched while one lasts"
+        yield Trip("shift_too_long", shifts, "ratio", 0.5, source, STUCK, 10.0, True, (_turning(config),))
 
 
 def _speeds(config: RigConfig) -> Iterator[Trip]:
@@ -254,8 +273,7 @@ def _valve(config: RigConfig, valve: Device) -> Iterator[Trip]:
     watched = Sum(f"pressure of {config.structure.device(clutch).called}", ((f"{config.structure.line_of(clutch)}.pressure", 1.0),))
     source = f"assumed: a quarter above the highest pressure of {valve.called}, for longer than a spool in oil of 0 degC overshoots"
     yield Trip(f"overpressure_{clutch}", watched, "pressure", 1.25 * values.pressure_limit, source, TOO_HIGH, 0.2)
-    if valve.name in config.cut_out or not config.effects.current_loop:
-        return
+    there = valve.name not in config.cut_out and config.effects.current_loop
     current = next(one.name for one in config.structure.transducers if one.shows == f"{valve.name}.current")
     # at rest the current of a coil is the mean voltage over its resistance
     expected, shown = (f"{valve.name}.duty", values.coil_voltage / values.coil_resistance), (f"{MEASURED}{current}", 1.0)
@@ -269,7 +287,7 @@ def _valve(config: RigConfig, valve: Device) -> Iterator[Trip]:
         )
         source = "assumed: a quarter of the range of such coils; a hot coil has a third less current"
         limit = 0.25 * values.coil_voltage / values.coil_resistance
-        yield Trip(f"coil_{what}_{valve.name}", watched, "current", limit, source, fmi, 0.2)
+        yield Trip(f"coil_{what}_{valve.name}", watched, "current", limit, source, fmi, 0.2, there=there)
 
 
 HOT, NEW = 200.0, 40.0  # degC, assumed: mean temperature that wet linings bear, and that of plates before a shift

@@ -47,50 +47,49 @@ def fitted(config: RigConfig) -> list[Transducer]:
 
 
 def trips_of_transducers(config: RigConfig) -> Iterator[Trip]:
-    """Return the trips by what the instruments of a rig say."""
-    shown = {one.name: one for one in fitted(config)}
-    for one in shown.values():
-        yield from _one_alone(config, one)
+    """Return the trips by what the instruments of a rig say; those from which a setting takes a reading are not there."""
+    every, shown = ({one.name: one for one in those} for those in (config.structure.transducers, fitted(config)))
+    for one in every.values():
+        yield from _one_alone(config, one, one.name in shown)
     yield from _joined(config, shown)
     structure = config.structure
     if not structure.shifts or structure.input is None:
         return
-    turns = Condition(reading(shown[structure.input.speed]), True, 5.0, f"{structure.input.speed} shows that the input turns")
+    turns = Condition(reading(every[structure.input.speed]), True, 5.0, f"{structure.input.speed} shows that the input turns")
     for one in shown.values():
         if one.type == "temperature" and config.effects.transducers:
             source = "assumed: what an open wire shows; oil that warms passes it sooner"
             yield Trip(f"dead_{one.name}", _size(one), "temperature", 0.01, source, LOST, LONGEST, False, (turns,))
     if not config.prescribed:
         for clutch in config.transmission.clutches:
-            if {clutch.pressure, clutch.current} <= shown.keys() and clutch.valve not in config.cut_out:
-                yield from _pressure(config, clutch, shown)
+            if {clutch.pressure, clutch.current} <= every.keys():
+                yield from _pressure(config, clutch, every, shown)
     ends = (structure.input.torque, structure.output.torque)
-    if set(ends) <= shown.keys() and len(structure.of_role(parts.SOURCE)) == 1:  # another source would drive past the gears
-        yield from _torques(config, *(shown[name] for name in ends))
+    if set(ends) <= every.keys() and len(structure.of_role(parts.SOURCE)) == 1:  # another source would drive past the gears
+        yield from _torques(config, *(every[name] for name in ends), there=set(ends) <= shown.keys())
 
 
 def _size(one: Transducer) -> Sum:
     return Sum(f"size of the reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), True)
 
 
-def _one_alone(config: RigConfig, one: Transducer) -> Iterator[Trip]:
-    """A transducer that shows the end of its range, nothing, or always the same."""
+def _one_alone(config: RigConfig, one: Transducer, there: bool) -> Iterator[Trip]:
+    """A transducer that shows the end of its range, nothing, or always the same; ``there``: it is fitted."""
     full, dimension = getattr(config.instruments, f"{one.like}_range"), TRANSDUCER_TYPES[one.type].dimension
     if one.type != "ratio":  # a lever or a throttle may stand at its end
         source = "assumed: the end of its full scale, which no healthy value reaches for so long"
-        yield Trip(f"out_of_range_{one.name}", reading(one), dimension, AT_END * full, source, ABOVE_RANGE, 0.1)
+        yield Trip(f"out_of_range_{one.name}", reading(one), dimension, AT_END * full, source, ABOVE_RANGE, 0.1, there=there)
     limit = _rests(config, one, full)
-    if limit > LONGEST or not config.effects.transducers:
-        return
+    there = there and limit <= LONGEST and config.effects.transducers
     rests = Sum(f"time for which the reading of {one.name} has been the same", ((f"{STAYED}{one.name}", SAMPLE),))
     nothing = 1e-6 * full
     source = f"its noise and the converter's step: by chance a healthy one rests so long once in {1.0 / BY_CHANCE:.0e} times"
-    if not _counts(config, one):  # one that counts pulses shows 0 at rest, without noise
-        at_nothing = Condition(_size(one), False, nothing, "it shows 0")
-        yield Trip(f"dead_{one.name}", rests, "time", limit, source, LOST, 0.0, True, (at_nothing,))
+    at_nothing = Condition(_size(one), False, nothing, "it shows 0")
+    dead = there and not _counts(config, one)  # one that counts pulses shows 0 at rest, without noise
+    yield Trip(f"dead_{one.name}", rests, "time", limit, source, LOST, 0.0, True, (at_nothing,), there=dead)
     neither = "it shows neither 0 nor its end"
     within = (Condition(_size(one), True, nothing, neither), Condition(_size(one), False, AT_END * full, neither))
-    yield Trip(f"stuck_{one.name}", rests, "time", limit, source, ERRATIC, 0.0, True, within)
+    yield Trip(f"stuck_{one.name}", rests, "time", limit, source, ERRATIC, 0.0, True, within, there=there)
 
 
 def _counts(config: RigConfig, one: Transducer) -> bool:
@@ -126,9 +125,12 @@ def _rests(config: RigConfig, one: Transducer, full: float) -> float:
     return max(SHORTEST, SAMPLE * math.ceil(math.log(BY_CHANCE) / math.log(stays))) if stays > 0.0 else SHORTEST
 
 
-def _pressure(config: RigConfig, clutch: Clutch, shown: Mapping[str, Transducer]) -> Iterator[Trip]:
+def _pressure(
+    config: RigConfig, clutch: Clutch, every: Mapping[str, Transducer], shown: Mapping[str, Transducer]
+) -> Iterator[Trip]:
     """A pressure that the current of its valve does not explain, for longer than any filling and release takes."""
-    valve, one, current = getattr(config, clutch.valve), shown[clutch.pressure], shown[clutch.current]
+    valve, one, current = getattr(config, clutch.valve), every[clutch.pressure], every[clutch.current]
+    there = {clutch.pressure, clutch.current} <= shown.keys() and clutch.valve not in config.cut_out
     structure, most = config.structure, valve.pressure_limit
     wrong = getattr(config.instruments, f"{one.like}_class", 0.0) * getattr(config.instruments, f"{one.like}_range")
     line = structure.line_of(structure.oil_of(structure.device(clutch.valve), "supply"))
@@ -148,10 +150,10 @@ def _pressure(config: RigConfig, clutch: Clutch, shown: Mapping[str, Transducer]
         ("most", 1.25 * most + wrong, True, (), f"assumed: a quarter more than all {share}, and the class of {one.name}"),
     ):
         name = f"contradicts_{one.name}_{what}"
-        yield Trip(name, reading(one), "pressure", limit, source, ERRATIC, 1.0, above, enabled)
+        yield Trip(name, reading(one), "pressure", limit, source, ERRATIC, 1.0, above, enabled, there=there)
 
 
-def _torques(config: RigConfig, into: Transducer, out: Transducer) -> Iterator[Trip]:
+def _torques(config: RigConfig, into: Transducer, out: Transducer, there: bool) -> Iterator[Trip]:
     """Torques of input and output that ratio and losses of an engaged gear do not explain."""
     full = max(getattr(config.instruments, f"{one.like}_range") for one in (into, out))
     for number, gear in enumerate(config.structure.gears, 1):
@@ -162,4 +164,4 @@ def _torques(config: RigConfig, into: Transducer, out: Transducer) -> Iterator[T
             limit = 0.15 * full * max(1.0, abs(ratio))
             source = "assumed: 15 % of the full scale on the input, more than losses and inertias take for so long"
             name = f"contradicts_{into.name}_{gear.name}"
-            yield Trip(name, apart, "torque", limit, source, ERRATIC, 2.0, True, engaged(number, gear.name))
+            yield Trip(name, apart, "torque", limit, source, ERRATIC, 2.0, True, engaged(number, gear.name), there=there)

@@ -28,11 +28,20 @@ from ..controllers import (
     need_can,
     record_of,
 )
-from ..rig import CONTROLLER_COMMAND, CONTROLLER_EVENTS, NEUTRAL, SHIFT_ORDERED, config_of_record
-from .rerun import RIG_EVENTS, SAMPLES, TRIPPED
+from ..rig import (
+    CONTROLLER_COMMAND,
+    CONTROLLER_EVENTS,
+    NEUTRAL,
+    RED_BUTTON,
+    SHIFT_ORDERED,
+    STATUS,
+    TRIPPED,
+    WARNING,
+    config_of_record,
+)
+from .rerun import RIG_EVENTS, SAMPLES
 
 WRITERS = {"blf": "BLFWriter", "asc": "ASCWriter", "log": "CanutilsLogWriter"}  # of python-can, by kind
-STATUS = "rig_"  # how events on the rig's status begin
 LATE = 50_000_000  # ns by which a message's place in the file may be later than its time
 NAME = (FUNCTION << 40).to_bytes(8, "little")  # of the rig in the log; its identity number, which is random on a bus, is 0
 
@@ -86,7 +95,7 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
     if not counts.get(SAMPLES) or not counts.get(CONTROLLER_COMMAND):
         raise RigError(f"{small.path}: holds no samples and answers of a shift controller, of which CAN frames could be made")
     config = config_of_record(small.record, str(small.path))
-    record, states, active = record_of(config), _states(small), ActiveCode(config.trips)
+    record, states, active = record_of(config), _states(small), ActiveCode(config)
     requests, rows = _requests(small), _rows(run, progress)
     first = []  # what is before the first answer, which has the level
     for row in rows:
@@ -144,9 +153,9 @@ def _requests(small: Bag) -> list[tuple[int, int]]:
 def _states(small: Bag) -> list[tuple[int, str]]:
     """Return from when [ns] the rig is in its safe state for which reason; empty for none."""
     return [
-        (round(t * 1e9), text if name == TRIPPED else "")
+        (round(t * 1e9), text if name in (TRIPPED, RED_BUTTON) else "")
         for t, topic, name, text, _ in small.events()
-        if topic == RIG_EVENTS and name.startswith(STATUS)
+        if topic == RIG_EVENTS and (name == RED_BUTTON or (name.startswith(STATUS) and name != WARNING))
     ]
 
 

@@ -21,18 +21,29 @@ from ..analysis import Gathered
 from ..bags import BagWriter, OpenedBags, canonical_hash, encoder
 from ..base import SAMPLE, SAMPLE_NS, SWITCH, RigError, Uninterrupted
 from ..controllers import LEVELS, ControllerFailed, Plug
-from ..rig import CHANGED, CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, FAULT_ORDERED, SHIFT_ORDERED, RigConfig, Settings
+from ..rig import (
+    BAD_CONTROLLER,
+    CHANGED,
+    CONTROLLER,
+    CONTROLLER_COMMAND,
+    CONTROLLER_EVENTS,
+    FAULT_ORDERED,
+    RED_BUTTON,
+    RESET_EVENT,
+    SHIFT_ORDERED,
+    TRIPPED,
+    RigConfig,
+    Settings,
+    trips_named,
+)
 from .bag_outputs import BagOutputs
 from .outputs import Outputs
 from .rig import Rig
-from .trips import BAD_CONTROLLER
 
 SAMPLES = "/instruments/controller"
 RUN_INFO = "/rig/run_info"
 AHEAD = 1000  # samples by which commands are read ahead; a later one would not be an answer
 RIG_EVENTS = "/rig/events"
-TRIPPED = "rig_tripped"
-E_STOP = "emergency stop"
 EVENT = "rig_msgs/msg/Event"
 SETPOINT = "rig_msgs/msg/Setpoint"
 
@@ -125,10 +136,10 @@ def check_whole(bag: Gathered) -> None:
         raise RigError(f"{bag.path}: {topic} lost {lost} messages; a re-run needs all of them")
 
 
-def rerun_plant(bag: Gathered, config: RigConfig, folder: Path) -> list[str]:
+def rerun_plant(bag: Gathered, config: RigConfig, folder: Path) -> tuple[list[str], dict[str, str]]:
     """Feed the recorded commands of a bag to a plant, and write what the plant does into a new bag.
 
-    Setpoints, valve commands, changes of the rig's settings and what stopped the run from outside act at the samples at which
+    Setpoints, valve commands, changed settings, resets and what stopped the run from outside act at the samples at which
     they acted in the recorded run. A rig of the bag's own configuration therefore repeats the run bit for bit.
 
     Parameters
@@ -144,6 +155,8 @@ def rerun_plant(bag: Gathered, config: RigConfig, folder: Path) -> list[str]:
     -------
     list of str
         What could not be fed, as sentences.
+    dict of str to str
+        How the re-run ended, as a report has it: ended, or tripped with the name of the trip.
 
     Raises
     ------
@@ -184,16 +197,27 @@ def rerun_plant(bag: Gathered, config: RigConfig, folder: Path) -> list[str]:
         finally:
             stops.held = True  # the bag is finished now
             outputs.finish()
-        new.end("ended", "the re-run ended")
-    return notes
+        end = {"state": "ended", "reason": f"the recorded commands of {bag.path.name} ended"}
+        if rig.safe:
+            end = {"state": "tripped", "reason": rig.reason, "trip": rig.tripped_by}
+        new.end(**end)
+    return notes, end
 
 
 def _act(rig: Rig, outputs: Outputs, found: _Inputs, sample: int, notes: list[str]) -> None:
-    """Give the rig the setpoints and changed settings of a sample, and send them and the events on."""
+    """Give the rig what people did at a sample, and send it and the events on; red button and reset come before all else."""
+    events = found.events.get(sample, ())
+    for topic, name, text, value in events:
+        if topic == RIG_EVENTS and name in (RED_BUTTON, RESET_EVENT):
+            if name == RESET_EVENT and not rig.safe:
+                notes.append(f"at {rig.time:.3f} s the reset was not repeated, as the rig had not tripped")
+                continue
+            rig.e_stop() if name == RED_BUTTON else rig.reset()
+            outputs.event(topic, name, text, value)
     for key, value, enable in found.setpoints.get(sample, ()):
         rig.set(key, value, enable)
         outputs.setpoint(rig.settings.steps[key].setpoint.topic, value, enable)
-    for topic, name, text, value in found.events.get(sample, ()):
+    for topic, name, text, value in events:
         if topic == RIG_EVENTS and name == CHANGED:
             setting = _changed(rig.settings, text, value)
             if setting is None:
@@ -212,10 +236,10 @@ def _act(rig: Rig, outputs: Outputs, found: _Inputs, sample: int, notes: list[st
 
 
 def _stop(rig: Rig, found: _Inputs, sample: int) -> None:
-    """Stop the rig where a person or a controller that failed stopped the recorded one."""
+    """Stop the rig where a controller that failed stopped the recorded one."""
     for topic, name, text, _ in found.events.get(sample, ()):
-        if topic == RIG_EVENTS and name == TRIPPED and (text == E_STOP or text.startswith("controller ")) and not rig.safe:
-            rig.e_stop() if text == E_STOP else rig.trip(text, BAD_CONTROLLER)
+        if topic == RIG_EVENTS and name == TRIPPED and trips_named(text) == [BAD_CONTROLLER] and not rig.safe:
+            rig.trip(text, BAD_CONTROLLER)
 
 
 def _command(rig: Rig, found: _Inputs, sample: int) -> None:

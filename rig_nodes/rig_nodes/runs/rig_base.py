@@ -227,8 +227,7 @@ class RigBase(ABC):
         when = f"between {self.time - SAMPLE:.3f} s and {self.time:.3f} s"
         if how == TRIPPED:
             self._warn()
-            first = self.watched.latched()[0]
-            self.trip(first.sentence(self.watched.value(first), self.time), first.name)
+            self.trip(*self.watched.reason(self.time))
         elif how == NOT_SETTLED:
             self.trip(not_settled(when, self.world.plan.driven, self._worst()), UNSETTLED)
         else:

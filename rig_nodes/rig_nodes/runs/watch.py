@@ -77,7 +77,7 @@ class Watched:
             np.array([magnitude for _, magnitude in sums], np.int64),
             np.array([number for number, _, _ in conditions], np.int64),
             np.array([[way for _, way, _ in conditions], [threshold for _, _, threshold in conditions]], float),
-            np.zeros(2 * len(_SAID)),
+            np.zeros(3 * len(_SAID)),
             np.stack([np.zeros(len(noise)), np.zeros(len(noise)), noise]),
             np.zeros(len(trips), np.int64),
             np.zeros((2, len(trips))),
@@ -134,7 +134,7 @@ class Watched:
 
     def says(self, gear: int, shifting: bool) -> None:
         """Take what a controller outside reports: the number of its gear, and whether it shifts."""
-        self.arrays.said[:2] = gear, shifting
+        self.arrays.said[: 2 * len(_SAID)] = (gear, shifting) * 2
 
     def latched(self) -> tuple[Trip, ...]:
         """Return the trips that have fired since the last reset, in their order."""
@@ -149,6 +149,12 @@ class Watched:
         value = float(self.arrays.trips["value"][self.trips.index(trip)])
         return value if trip.above else -value
 
+    def reason(self, when: float) -> tuple[str, str]:
+        """Return why the rig trips at a time [s], and the name of the trip: of several in one sample the first, with the others."""
+        first, *others = self.latched()
+        also = f"; at the same time {', '.join(f'trip {trip.name}' for trip in others)}" if others else ""
+        return first.sentence(self.value(first), when) + also, first.name
+
     def warnings(self, when: float) -> list[tuple[str, float]]:
         """Return sentence and value [SI] of each warning that is new at a time [s]."""
         trips = self.arrays.trips
@@ -160,5 +166,5 @@ class Watched:
         """Watch anew from now on."""
         for name in ("count", "near_count", "counts", "latched", "warned", "told"):
             self.arrays.trips[name] = 0
-        self.arrays.stays[0] = 0.0
+        self.arrays.stays[0] = self.arrays.said[:] = 0.0
         self.look_anew()

@@ -118,7 +118,7 @@ class CanBus(FreeRunning):
         if options.get("address") != NO_ADDRESS:
             address = int(number(options, "address", frames.ADDRESS, name, 0, j1939.NULL - 1))
         super().__init__(name, config, level, f"CAN {interface} {channel}", timeout_of(options, name))
-        self._active = ActiveCode(config.trips)
+        self._active = ActiveCode(config)
         self._inside = interface == "virtual"  # the bus exists only inside this process
         self._sees_programs = interface == "udp_multicast"
         self._bus = open_bus(channel, interface, f"controller {name}", **extra)

@@ -10,15 +10,16 @@ noticed, and never what was injected.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+from ...rig import bench_trips, trips_named
 from .j1939 import GLOBAL, PRIORITY, identifier
 
 if TYPE_CHECKING:
-    from ...rig import Trip
+    from ...rig import RigConfig
 
-EVERY = 1000  # samples of 1 ms between two groups while a code is active
+EVERY, APART = 1000, 50  # samples of 1 ms between two groups while a code is active, and between two frames of one
 DM1, ANNOUNCE, TRANSFER = 65226, 60416, 60160  # PGN of the codes, of the announce of a longer message, and of its pieces
 BROADCAST = 32  # control byte of an announce to all nodes
 TRANSPORT_PRIORITY = 7
@@ -70,7 +71,7 @@ def dm1_data(codes: Sequence[Code]) -> bytes:
 def dm1_frames(codes: Sequence[Code], source: int) -> list[tuple[int, bytes]]:
     """Return the frames of DM1 from a source address, each with its 29-bit identifier, in their order.
 
-    A message of more than 8 bytes is announced and then sent in pieces, which on a bus follow each other by 50 to 200 ms.
+    A message of more than 8 bytes is announced and then sent in pieces, which follow each other by 50 to 200 ms.
     """
     data = dm1_data(codes)
     if len(data) <= 8:
@@ -85,19 +86,22 @@ def dm1_frames(codes: Sequence[Code], source: int) -> list[tuple[int, bytes]]:
 
 
 class ActiveCode:
-    """The trouble code of the trip that a rig is in, and when DM1 is due.
+    """The trouble codes of the trips that a rig is in, and when DM1 is due.
 
-    It is due when a code becomes active, then every second, and once more when none is active any longer.
+    It is due when a code becomes active, then every second, and once more when none is active any longer. A code stays active until
+    the reset, also when a person presses the red button after its trip.
 
     Parameters
     ----------
-    trips : iterable of Trip
-        The trips of the rig.
+    config : RigConfig
+        The rig, which has the trips.
     """
 
-    def __init__(self, trips: Iterable[Trip]) -> None:
-        self._trips, self._times = {trip.name: trip for trip in trips}, Counter[str]()
+    def __init__(self, config: RigConfig) -> None:
+        self._trips = {one.name: one for one in (*config.trips, *bench_trips(config))}
+        self._times = Counter[str]()
         self._reason, self._at = "", -1  # why the rig is in its safe state; sample at which DM1 is due, -1 for never
+        self._waiting: list[tuple[int, tuple[int, bytes]]] = []  # frames of a message of several, by the samples of their turns
         self.codes: tuple[Code, ...] = ()
 
     def take(self, reason: str) -> None:
@@ -105,17 +109,21 @@ class ActiveCode:
         if reason == self._reason:
             return
         self._reason, before = reason, self.codes
-        trip = self._trips.get(reason.removeprefix("trip ").partition(":")[0])
-        self.codes = ()
-        if trip is not None:
-            self._times[trip.name] += 1
-            self.codes = (Code(trip.spn, trip.fmi, self._times[trip.name]),)
-        if before or self.codes:
+        if not reason:
+            self.codes = ()
+        for name in trips_named(reason):
+            one = self._trips.get(name)
+            if one is not None and one.spn not in (code.spn for code in self.codes):
+                self._times[name] += 1
+                self.codes += (Code(one.spn, one.fmi, self._times[name]),)
+        if self.codes != before:
             self._at = 0
 
     def due(self, sample: int, source: int) -> list[tuple[int, bytes]]:
-        """Return the frames of DM1 that are due at a sample, from a source address; see :func:`dm1_frames`."""
-        if self._at < 0 or sample < self._at:
-            return []
-        self._at = sample + EVERY if self.codes else -1
-        return dm1_frames(self.codes, source)
+        """Return the frames of DM1 whose turn it is at a sample, from a source address; see :func:`dm1_frames`."""
+        if 0 <= self._at <= sample:
+            self._at = sample + EVERY if self.codes else -1
+            self._waiting = [(sample + APART * k, frame) for k, frame in enumerate(dm1_frames(self.codes, source))]
+        due = [frame for at, frame in self._waiting if at <= sample]
+        del self._waiting[: len(due)]
+        return due

@@ -38,6 +38,7 @@ STAYED, LAST, LEAST = 0, 1, 2  # rows of Watch.stays
 # and of what the controller reports
 INSIDE, SHOWN, BOTH_INSIDE, ONE_SHOWN, BOTH_SHOWN, OTHER, RESTING, REPORTED = range(8)
 FIRST_STAY = -3  # place of the first channel's time; that of the next one is less by 1
+ARRIVED = 2  # place in Watch.said of what the rig has of the controller's reports when it looks
 ALL = -1  # in Watch.witness: nothing rules the trip out
 
 
@@ -71,8 +72,9 @@ class Watch(NamedTuple):
         The sum of each condition.
     thresholds : (2, conditions) array of float
         Sign of each condition and, with that sign, the threshold that its sum must exceed.
-    said : (4,) array of float
-        What the controller reports: its gear, and 1 while it shifts; and the same as it was in the last sample.
+    said : (6,) array of float
+        What the controller reports, its gear and 1 while it shifts: in its newest answer; from ARRIVED on what the rig has of it at
+        a look, the answer before, as an answer needs a sample on its way from any controller; and the same at the last look.
     stays : (3, channels) array of float
         For how many samples each channel has shown the same, what it showed in the last sample, and the noise [SI] below which this
         is no sign.
@@ -113,7 +115,7 @@ def summed(k: int, watch: Watch, numbers: Floats, row: Floats) -> float:
         if place <= FIRST_STAY:
             total += watch.weights[t] * watch.stays[STAYED, FIRST_STAY - place]
         elif place < 0:
-            total += watch.weights[t] * watch.said[-1 - place]
+            total += watch.weights[t] * watch.said[ARRIVED - 1 - place]
         elif place < numbers.shape[0]:
             total += watch.weights[t] * numbers[place]
         else:
@@ -206,7 +208,7 @@ def bounded(watch: Watch) -> None:
 def looked_over(outside: bool, watch: Watch, numbers: Floats, row: Floats) -> int:
     """Look at the trips that count and, where a sum is outside its bounds, at all that are not ruled out; see :func:`watched`."""
     how, moved, said = WHOLE, outside, watch.said
-    said[2], said[3] = said[0], said[1]
+    said[4], said[5] = said[2], said[3]
     for i in range(watch.witness.shape[0] if outside else watch.counting[0]):
         k = i if outside else watch.counting[i + 1]
         j = watch.witness[k]
@@ -259,5 +261,7 @@ def watched(watch: Watch, numbers: Floats, row: Floats, noise: Floats) -> int:
         stays[STAYED, c] = stays[STAYED, c] + 1.0 if same else 0.0
         stays[LAST, c] = row[c]
         beyond = max(beyond, past(j, weights[0, j] * stays[STAYED, c], bounds))
-    outside = beyond > 0.0 or said[0] != said[2] or said[1] != said[3]
-    return looked_over(outside, watch, numbers, row) if outside or watch.counting[0] > 0 else WHOLE
+    outside = beyond > 0.0 or said[2] != said[4] or said[3] != said[5]
+    how = looked_over(outside, watch, numbers, row) if outside or watch.counting[0] > 0 else WHOLE
+    said[2], said[3] = said[0], said[1]
+    return how

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 VARIANTS = {
     "10 kHz logging, averaged PWM": ({}, True),
     "no rows kept, averaged PWM": ({}, False),
+    "no rows kept, averaged PWM, no trips": ({"trips.watched": "off"}, False),
     "no rows kept, true values (no transducers)": ({"effects.transducers": "off"}, False),
     "10 kHz logging, resolved PWM of 1 kHz": ({"effects.pwm_frequency": "1 kHz"}, True),
     "125 kHz logging (step 8 us), resolved PWM": ({"kernel.step": "8 us", "effects.pwm_frequency": "1 kHz"}, True),
