@@ -14,7 +14,7 @@ from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.load import load_controller
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.rig.faults import read_fault
+from rig_nodes.rig.faults import orders_by_name, read_fault
 from rig_nodes.rig.recorded_rig import config_of_record
 from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.sequence import load_sequence
@@ -97,6 +97,8 @@ def test_a_session_refuses_an_order_while_faults_are_disabled():
         ("p1.offset, at", "expected KEY=VALUE"),
         ("p1.losing_pulses", "refused: it counts no pulses"),
         ("n_wej.delayed", "refused: it counts pulses"),
+        ("p1.stuck, onset=intermittent, period=2 ms, share=20 %", "share is 20 %, expected 50 to 100 %"),
+        ("p1.stuck, for=0 ms", "for is 0 ms, expected 1 to"),
         ("T_oil.swapped", "refused: the rig has no other one of its type"),
         ("valve_zr_p1.air", "there is no fault"),
     ],
@@ -111,11 +113,19 @@ def test_what_the_rig_as_it_is_cannot_have_is_refused():
     for settings, order, why in (
         ({"effects.transducers": "off"}, "p1.stuck", "true values are shown"),
         ({"motor.source": "topic"}, "motor.weak", "it stands outside the plant"),
+        ({"effects.motor_speed": "off"}, "motor.weak", "effects.motor_speed is off"),
+        ({"effects.current_loop": "off"}, "valve_zr_p1.coil_hot", "effects.current_loop is off"),
+        ({"effects.oil_temperature": "off"}, "oil_supply.cold", "effects.oil_temperature is off"),
+        ({"instruments.speed_step": "0 rpm"}, "n_wej.losing_pulses", "it counts no pulses"),
     ):
         with pytest.raises(RigError, match=why):
             load_rig("hydmag", {**settings, "faults": order})
     with pytest.raises(RigError, match="the Alfa46 runs inside the rig, without messages"):
         Rig(load_rig("hydmag", {"faults": "messages.lost"}))
+    with pytest.raises(RigError, match="the shift controller is outside, and its fill times are its own"):
+        Rig(load_rig("hydmag", {"faults": "output_1.fill_time"}), controller="external")
+    with pytest.raises(RigError, match="n_wej.swapped exchanges the same two wires"):
+        Rig(load_rig("hydmag", {"faults": "n_wej.swapped; n_wyj.swapped"}))
 
 
 def test_one_fault_at_a_time_under_a_name_and_only_what_is_there_ends():
@@ -130,9 +140,10 @@ def test_one_fault_at_a_time_under_a_name_and_only_what_is_there_ends():
 def test_time_signal_and_duration_trigger_it_at_their_sample(tmp_path):
     faults = (
         "oil_supply.air, at=123 ms, for=77 ms; p2.noise, when=p_p above 2 MPa, for=30 ms;"
-        "p1.dropped, onset=intermittent, period=40 ms, share=25 %, at=0.3 s, for=100 ms"
+        "p1.dropped, onset=intermittent, period=40 ms, share=25 %, at=0.3 s, for=100 ms;"
+        "I_zr_p1.noise, when=I_set_zr_p1 above 0.1 A"
     )
-    _, bag, events = simulated(tmp_path, "  - wait: {for: 300 ms}\n", faults)
+    _, bag, events = simulated(tmp_path, "  - shift: {to: I}\n", faults)
     times = {(name, text.split(":")[0].split()[0]): t for t, name, text, _ in events}
     assert times["fault_on", "oil_supply.air"] == pytest.approx(0.123) and times["fault_off", "oil_supply.air"] == pytest.approx(
         0.2
@@ -143,6 +154,8 @@ def test_time_signal_and_duration_trigger_it_at_their_sample(tmp_path):
     assert supply[t < reached - 0.02].max() < 2.1e6 and supply[(t >= reached) & (t < reached + 0.02)].max() > 1.9e6
     assert times["fault_off", "p2.noise"] - reached == pytest.approx(0.03)
     assert times["fault_off", "p1.dropped"] - times["fault_on", "p1.dropped"] == pytest.approx(0.1)
+    t, asked = bag.series("I_set_zr_p1")
+    assert 0.0 <= times["fault_on", "I_zr_p1.noise"] - t[np.argmax(asked > 0.1)] < 0.007
 
 
 def test_a_growing_fault_grows_evenly():
@@ -159,7 +172,8 @@ def test_a_growing_fault_grows_evenly():
 def test_how_time_is_divided_and_snapshots_change_no_bit():
     faults = (
         "valve_zr_p1.sticking, at=0.3 s; p2.offset, onset=growing, over=1 s; n_wej.swapped, at=0.4 s;"
-        "oil_supply.cold, at=0.2 s, for=0.3 s"
+        "oil_supply.cold, at=0.2 s, for=0.3 s; valve_zr_p1.leaking, at=0.101 s, onset=growing, over=0.6 s;"
+        "p1.delayed, at=0.15 s, size=30 ms, onset=growing, over=0.2 s; output_1.fill_time, at=0.1 s"
     )
     config = load_rig("hydmag", {"faults": faults})
 
@@ -177,12 +191,58 @@ def test_how_time_is_divided_and_snapshots_change_no_bit():
 
 
 def test_a_healthy_run_has_the_same_bits_whether_faults_are_enabled_or_over():
-    healthy, enabled, over = (Rig(load_rig("hydmag", one), 1) for one in ({}, ON, {"faults": "clutch_s1.leaking_line, at=1 s"}))
+    faults = "p1.dropped, at=0.2 s, for=20 ms; valve_zr_p2.coil_hot, at=0.2 s, for=50 ms"  # of what leaves nothing behind
+    healthy, enabled, over = (Rig(load_rig("hydmag", one), 1) for one in ({}, ON, {"faults": faults}))
     for rig in (healthy, enabled, over):
         rig.set("oil", 4e6, True)
         rig.order_gear(1)
         rig.advance_samples(800)
+    assert [one.name for one in over.faults.take_news()] == ["fault_on", "fault_on", "fault_off", "fault_off"]
     assert healthy.state_hash() == enabled.state_hash() == over.state_hash()
+
+
+@pytest.mark.parametrize("step", ["100 us", "50 us"])
+def test_a_delayed_reading_is_the_true_one_of_before(step):
+    exact = {"p1_class": "0 %", "p1_hum": "0 Pa", "p1_pickup": "0 Pa"}
+    with rig_nodes.load("hydmag", faults="on", kernel={"step": step}, instruments=exact).session(seed=1) as session:
+        session.set("oil", "4 MPa")
+        session.set("shift", "I")
+        session.advance(0.1)
+        session.fault("p1.delayed", size="40 ms")
+        true, shown = [], []
+        for _ in range(600):
+            session.advance(0.001)
+            true.append(session.true("p1"))
+            shown.append(session.read("p1"))
+    apart = {late: np.abs(np.array(shown[60:]) - true[60 - late : 600 - late]).max() for late in (30, 40, 50)}
+    assert max(true) > 2e6 and apart[40] < 0.04e6 < min(apart[30], apart[50]), apart
+
+
+def test_cold_oil_stays_as_cold_as_it_is_said_to_be_and_is_as_before_at_the_end():
+    quick = {"tank_heat_capacity": "8000 J/K", "tank_cooling": "8000 W/K", "pump_flow": "0 l/min"}  # a tank that cools in seconds
+    ill, healthy = (rig_nodes.load("hydmag", faults="on", oil_supply=quick).session(seed=1) for _ in range(2))
+    with ill, healthy:
+        ill.fault("oil_supply.cold", size="25 K")
+        for end, colder in ((False, 25.0), (True, 0.0)):
+            if end:
+                ill.fault("oil_supply.cold", off=True)
+            ill.advance(2.0)
+            healthy.advance(2.0)
+            assert healthy.true("T_oil") - ill.true("T_oil") == pytest.approx(colder, abs=0.5)
+
+
+@pytest.mark.parametrize("size", [-60, 40])
+def test_a_wrong_fill_time_moves_the_rise_of_the_current(size):
+    risen = []
+    for faults in ("on", f"output_1.fill_time, size={size} ms"):
+        rig = Rig(load_rig("hydmag", {"faults": faults}))
+        rig.order_gear(1)
+        asked = []
+        for _ in range(700):
+            rig.advance_samples(1)
+            asked.append(rig.setpoint[0])
+        risen.append(np.argmax(np.array(asked) > 0.4))
+    assert risen[1] - risen[0] == size
 
 
 def test_messages_between_controller_and_rig_fail(tmp_path):
@@ -214,6 +274,8 @@ def test_a_set_of_faults_is_a_file_and_random_is_drawn_by_the_seed(tmp_path, cap
     )
     assert sets == ["p1.gain, at=50 ms", "oil_supply.air"]
     assert first == second and len(first) == 1 and "at=" in first[0]
+    drawn = orders_by_name(["random"] * 40 + [first[0]], "hydmag", 5, {}).split(";")
+    assert len({order.partition(",")[0].strip() for order in drawn}) == 41
 
 
 def test_the_list_has_all_of_a_rig_as_json(capsys):

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from ..base import DEFAULT_RIG
+from ..base import DEFAULT_RIG, ProgressLine, RigError
 from .run_arguments import StepTimeout, add_in_process, controller_of, step_timeout
 from .shared_arguments import add_rig
 
@@ -45,8 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check.add_argument(
         "--faults",
         action="store_true",
-        help="shift with each type of fault instead: tripped in time, shifted well, shifted badly or did harm",
+        help="shift with each fault of the rig instead: tripped in time, shifted well, shifted badly, did harm or failed itself",
     )
+    check.add_argument("--only", metavar="NAMES", help="with --faults: those with these names, e.g. 'motor.*,messages.late'")
     check.add_argument("--json", action="store_true", help="print the table as JSON")
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(TEMPLATES), help="what it is: " + ", ".join(TEMPLATES))
@@ -66,6 +67,8 @@ def check(args: argparse.Namespace) -> int:
 
     quiet = args.json
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
+    if args.only is not None and not args.faults:
+        raise RigError("--only names faults, so it goes with --faults")
     config = load_gearbox_rig(args.rig, None, "controller check")
     if args.faults:
         return check_faults(args, config)
@@ -88,7 +91,7 @@ def check(args: argparse.Namespace) -> int:
 
 
 def check_faults(args: argparse.Namespace, config: RigConfig) -> int:
-    """Shift with each type of fault and print what became of it; the table is no verdict, so the exit code is 0."""
+    """Shift with each fault and print what became of it; the table is no verdict, so the exit code is 0."""
     from ..controllers import load_controller
     from ..runs import check_under_faults
 
@@ -100,10 +103,15 @@ def check_faults(args: argparse.Namespace, config: RigConfig) -> int:
         controller.wait(args.step_timeout.come)
         return controller
 
-    for one in check_under_faults(load, config):
+    line = ProgressLine() if args.json else None
+    for one in check_under_faults(load, config, "*" if args.only is None else args.only):
         rows.append(one._asdict())
-        if not args.json:
+        if line is not None:
+            line.show(len(rows), f"shift {len(rows)}: {one.fault or 'no fault'}")
+        else:
             print(f"{one.outcome:<17}{one.fault or 'no fault':<27}{one.text}", flush=True)
+    if line is not None:
+        line.leave()
     counts = Counter(row["outcome"] for row in rows[1:])
     if args.json:
         print(json.dumps({"controller": args.spec, "counts": counts, "faults": rows}, indent=1))

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of a rig: which of its devices, transducers and messages can have which, and orders of them as people write them.
+"""Faults of a rig: what of it can have which, and orders of them as people write them.
 
 runs.faults has the orders act; sequences, the command line and the API read them here.
 """
@@ -12,9 +12,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..base import UNITS, RigError, brief, check_keys, find_of_rigs, load_yaml, quantity, shown_in, span, unknown, where_of
+from ..base import SAMPLE, UNITS, RigError, brief, check_keys, find_of_rigs, load_yaml, quantity, shown_in, span, unknown, where_of
 from ..plant import GROWING, INTERMITTENT, MESSAGES, ONSETS, TRANSDUCER, Fault, faults, uniform
+from .alfa46 import OUTPUT_KEYS
 from .quantities import DIMENSIONS
+from .settings import CONTROLLER
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,7 +43,7 @@ class FaultOfRig:
     Parameters
     ----------
     name : str
-        Name in orders: of the device, transducer or messages, and of the fault.
+        Name in orders: of the device, transducer, messages or output of the Alfa46, and of the fault.
     owner : str
         The former.
     fault : Fault
@@ -143,8 +145,11 @@ def faults_of(config: RigConfig) -> dict[str, FaultOfRig]:
     for fault in faults().values():
         for k, (owner, configs, why) in enumerate(_owners(config, fault)):
             name = f"{owner}.{fault.name}"
-            found[name] = FaultOfRig(name, owner, fault, fault.spn + k, configs, why or fault.lacks(configs))
-    order = {name: k for k, name in enumerate([*(one.name for one in structure.devices), *_names(config), MESSAGES])}
+            off = bool(fault.effect) and not getattr(config.effects, fault.effect)
+            why = why or (f"effects.{fault.effect} is off, so it would change nothing" if off else fault.lacks(configs))
+            found[name] = FaultOfRig(name, owner, fault, fault.spn + k, configs, why)
+    owners = [*(one.name for one in structure.devices), *_names(config), *OUTPUT_KEYS, MESSAGES]
+    order = {name: k for k, name in enumerate(owners)}
     return dict(sorted(found.items(), key=lambda one: order[one[1].owner]))
 
 
@@ -157,14 +162,17 @@ def _owners(config: RigConfig, fault: Fault) -> list[tuple[str, tuple[Any, ...],
     structure = config.structure
     if fault.part == MESSAGES:
         return [(MESSAGES, (), "")] if structure.shifts else []
+    prescribed = "the rig's pressures are prescribed" if config.prescribed else ""
+    if fault.part == CONTROLLER:
+        driven = {valve.wires["output"] - 1 for valve in structure.valves if structure.shifts}
+        return [(key, (), prescribed) for k, key in enumerate(OUTPUT_KEYS) if k in driven]
     if fault.part == TRANSDUCER:
         off = "" if config.effects.transducers else "effects.transducers is off, so that true values are shown"
         return [
-            (one.name, (one.type, _next_like(config, one.name)), off)
+            (one.name, (getattr(config.instruments, f"{one.like}_step", 0.0) > 0.0, _next_like(config, one.name)), off)
             for one in structure.transducers
             if getattr(config.instruments, f"{one.like}_fitted", True)
         ]
-    prescribed = "the rig's pressures are prescribed" if config.prescribed else ""
     return [
         (
             device.name,
@@ -251,17 +259,18 @@ def read_fault(config: RigConfig, given: str | Mapping, where: str) -> FaultOrde
             raise RigError(f"{where}: fault {name}: {key} is {node[key]}, expected {span(low, high, node[key])}")
         return min(max(value, low), high)
 
+    period = number("period", "time", LEAST_PERIOD, LONGEST_TIME, PERIOD)
     return FaultOrder(
         text,
         of,
         1.0 if size is None else number("size", size.quantity, size.low, size.high, size.usual),
         onset,
         number("over", "time", 0.0, LONGEST_TIME, OVER),
-        number("period", "time", LEAST_PERIOD, LONGEST_TIME, PERIOD),
-        number("share", "ratio", 0.0, 1.0, SHARE),
+        period,
+        number("share", "ratio", SAMPLE / period, 1.0, SHARE),  # a sample at least
         number("at", "time", 0.0, LONGEST_TIME, 0.0),
         _trigger(config, str(node["when"]), f"{where}: fault {name}: when") if "when" in node else None,
-        number("for", "time", 0.0, LONGEST_TIME, float("inf")),
+        number("for", "time", SAMPLE, LONGEST_TIME, float("inf")),
         False,
     )
 
@@ -318,25 +327,34 @@ def orders_by_name(names: list[str], rig: str, seed: int, settings: Mapping[str,
     Raises
     ------
     RigError
-        When there is no such set.
+        When there is no such set, or no other fault can be drawn.
     """
+    from .configuration import load_rig  # here, because a configuration reads orders
+
     orders: list[str] = []
-    for number, name in enumerate(names):
+    for name in (name for name in names if name != RANDOM):
         first = name.partition(",")[0].strip()
-        if name == RANDOM:
-            orders.append(random_fault(rig, seed, number, settings))
-        elif "." in first and not first.endswith((".yaml", ".yml")):
-            orders.append(name)
-        else:
-            orders += fault_set(find_of_rigs(FAULTS, name, rig))
+        orders += [name] if "." in first and not first.endswith((".yaml", ".yml")) else fault_set(find_of_rigs(FAULTS, name, rig))
+    if RANDOM in names:
+        config = load_rig(rig, dict(settings))
+        for number in range(names.count(RANDOM)):
+            orders.append(random_fault(config, seed, number, orders))
     return f" {APART} ".join(orders) or ENABLED
 
 
-def random_fault(rig: str, seed: int, number: int, settings: Mapping[str, str]) -> str:
-    """Return an order drawn by a seed: any fault that the rig can have, with its usual size times 0.5 to 1.5, after 2 to 10 s."""
-    from .configuration import load_rig  # here, because a configuration reads orders
-
-    known = [one for one in faults_of(load_rig(rig, dict(settings))).values() if not one.lacking and one.fault.part != MESSAGES]
+def random_fault(config: RigConfig, seed: int, number: int, others: list[str]) -> str:
+    """Return an order drawn by a seed: a fault that no other order has, of its usual size times 0.5 to 1.5, after 2 to 10 s."""
+    taken = {other.partition(",")[0].strip() for other in others}
+    known = [
+        one
+        for one in faults_of(config).values()
+        if not one.lacking
+        and one.fault.part not in (MESSAGES, CONTROLLER)  # which of the two a rig can have depends on its controller
+        and one.name not in taken
+        and not (one.fault.pairs and f"{one.configs[1]}.{one.fault.name}" in taken)
+    ]
+    if not known:
+        raise RigError(f"{RANDOM}: '{config.name}' has no fault that could be drawn beside the {len(taken)} others")
     which, how, when = (uniform(seed, DRAWS + 3 * number + k, 0) for k in range(3))
     of = known[int(which * len(known))]
     text, size = f"{of.name}, at={2.0 + 8.0 * when:.3f} s", of.fault.size

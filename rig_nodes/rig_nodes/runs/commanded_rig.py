@@ -124,6 +124,10 @@ class CommandedRig(RigBase):
         valves = dict(zip(self._wiring, self.valve_names))
         return ", ".join(f"output_{k + 1}" + (f" ({valves[k]})" if k in valves else "") for k in range(len(self._nothing)))
 
+    def profile(self, output: int) -> np.ndarray:
+        """Return times [s] and currents [A] of the embedded controller's profile of an output (6, 2), which can be written."""
+        return self._law_profiles[output]
+
     @property
     def newest_command(self) -> int:
         """The sample that the newest command answers; -1 before the first command and on a rig without a controller."""
@@ -250,7 +254,6 @@ class CommandedRig(RigBase):
         self._accept("duty", sample)
         self._duty[:], self._setpoint[:] = duty, setpoint
         self._gear, self._shifting = int(gear), bool(shifting)
-        self.watched.says(self._gear, self._shifting)
         self._send(sample, self._act_duty, duty if self._may_act("duty", values) else self._nothing, 1.0)
         self._act_due()
 
@@ -290,7 +293,6 @@ class CommandedRig(RigBase):
         self._accept("current", sample)
         self._setpoint[:] = values
         self._gear, self._shifting, self._flags = int(gear), bool(shifting), int(flags)
-        self.watched.says(self._gear, self._shifting)
         current, held = (values, int(flags)) if self._may_act("current", values) else (self._nothing, 0)
         self._send(sample, self._act_current, current, limit, held)
         self._act_due()
@@ -351,8 +353,9 @@ class CommandedRig(RigBase):
             self._by = BY_SETPOINT if level == "current" else BY_DUTY
 
     def _may_act(self, level: str, command: Sequence[float]) -> bool:
-        """Return whether a command may act: after a reset, none may before the controller was in neutral with its valves shut.
+        """Return whether a command may act, and so whether the trips take what it reports as true.
 
+        After a reset, none may before the controller was in neutral with its valves shut.
         The valves are shut when the command asks for no more than what leaves them shut. So a clutch that was clamped before the
         trip is not clamped again without a new order.
         """
@@ -375,6 +378,8 @@ class CommandedRig(RigBase):
                     if tripped
                     else "since the reset no command has asked for neutral and for nothing"
                 )
+        if not self._held_open:  # a gear whose coils the rig itself holds open is none
+            self.watched.says(self._gear, self._shifting)
         return not self._held_open
 
     def order_gear(self, gear: int) -> None:

@@ -1,25 +1,29 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A shift controller under faults: an upshift with each type of fault, and what became of it.
+"""A shift controller under faults: an upshift with each fault of the rig, and what became of it.
 
 ``rig controller check --faults`` and the tests use it.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import NamedTuple
 
-from ..base import RigError
+from ..base import RigError, unknown
 from ..controllers import Plug
-from ..plant import TRANSDUCER
+from ..plant import MESSAGES
 from ..plant import part as parts
-from ..rig import FaultOfRig, RigConfig, check_gearbox, faults_of, with_overrides
+from ..rig import CONTROLLER, FaultOfRig, RigConfig, check_gearbox, faults_of, with_overrides
 from .session import ORDER, Session
+from .trips import BAD_CONTROLLER, NO_COMMAND
 
-IN_TIME, WELL, BADLY, HARM = "tripped in time", "shifted well", "shifted badly", "did harm"
+IN_TIME, WELL, BADLY, HARM, FAILED = "tripped in time", "shifted well", "shifted badly", "did harm", "failed itself"
+STATED = re.compile(r"controller .*, sample \d+: status (error|fatal): ")  # a controller that tells of a fault by its status
 SPEED, LOAD, SUPPLIED = 100.0, "40 Nm", 1.7  # rad/s; torque of the load; pressure of the supply over the largest of a valve
 STARTED, ONSET, SHIFTED = 2.6, 0.3, 2.0  # s: to the first gear's speed, from then to the order, and from the order to the end
 STEP = 0.01  # s
@@ -36,21 +40,35 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Shift:
-    """An upshift: time from the order to the gear [s], None when it was not reached; highest torque [Nm]; trip and its reason."""
+class Upshift:
+    """What was seen of an upshift.
+
+    Parameters
+    ----------
+    took : float or None
+        Time from the order to the gear [s]; None when it was not reached.
+    peak : float
+        Highest torque of the input after the order [Nm].
+    trip, reason : str
+        Name of the trip and its sentence; empty when the rig did not trip.
+    tripped : float
+        Time from the order to the trip [s], below 0 for one before it.
+    """
 
     took: float | None
     peak: float
     trip: str
     reason: str
+    tripped: float
 
 
-def check_under_faults(load: Callable[[RigConfig], Plug], config: RigConfig) -> Iterator[Outcome]:
-    """Yield the outcome of a shift with each type of fault.
+def check_under_faults(load: Callable[[RigConfig], Plug], config: RigConfig, only: str = "*") -> Iterator[Outcome]:
+    """Yield the outcome of a shift with each fault that the rig can have with a controller outside.
 
-    A trip of a limit of the machine, or of two gears clamped at once, is harm; any other trip came in time. A shift is judged by
-    the healthy one of the same controller. A transducer's fault is that of the coil current of the last valve, where it can have
-    it, because every controller sees it.
+    A trip of a limit of the machine, or of two gears clamped at once, is harm. A shift is bad when its time or torque is more than
+    WORSE times that of the healthy one of the same controller. A trip came in time when what it trips for was there before a shift
+    would have been bad. A controller that breaks down, falls silent or brings the plant to where it cannot be moved has failed
+    itself; one that tells of the fault by its status has tripped the rig.
 
     Parameters
     ----------
@@ -58,6 +76,8 @@ def check_under_faults(load: Callable[[RigConfig], Plug], config: RigConfig) -> 
         load(config) returns the controller anew; it is closed here.
     config : RigConfig
         The rig.
+    only : str
+        Names of faults with commas between them; * and ? stand for others.
 
     Yields
     ------
@@ -67,46 +87,60 @@ def check_under_faults(load: Callable[[RigConfig], Plug], config: RigConfig) -> 
     Raises
     ------
     RigError
-        When the rig lacks two gears, motor, load or supply, or the controller does not shift without a fault.
+        When the rig lacks two gears, motor, load or supply, no fault has such a name, or the controller does not shift without a
+        fault.
     """
     check_gearbox(config, "controller check --faults")
     if len(config.structure.gears) < 2:
-        only = config.structure.gears[0].name
-        raise RigError(f"controller check --faults shifts from one gear to the next; '{config.name}' has gear {only} alone")
+        gear = config.structure.gears[0].name
+        raise RigError(f"controller check --faults shifts from one gear to the next; '{config.name}' has gear {gear} alone")
+    chosen = chosen_faults(config, only)
     healthy = _shift(load, config, "on")
     if healthy.trip or healthy.took is None:
         raise RigError(f"the controller does not shift without a fault: {healthy.reason or 'the gear was not reached'}")
     yield Outcome("", WELL, _numbers(healthy))
-    harmful = {trip.name for trip in config.trips if trip.warning is not None or trip.name.startswith("tie_up")}
-    for one in _each(config):
+    for one in chosen:
         shift = _shift(load, config, one.name if one.fault.built_in else f"{one.name}, at={STARTED} s")
-        if shift.trip:
-            yield Outcome(one.name, HARM if shift.trip in harmful else IN_TIME, shift.reason)
-        elif shift.took is None or shift.took > WORSE * healthy.took or shift.peak > WORSE * healthy.peak:
-            yield Outcome(one.name, BADLY, _numbers(shift))
-        else:
-            yield Outcome(one.name, WELL, _numbers(shift))
+        yield Outcome(one.name, judged(one, shift, healthy, config), f"{_when(shift)}{shift.reason or _numbers(shift)}")
 
 
-def _each(config: RigConfig) -> list[FaultOfRig]:
-    """Return the faults of all devices, and each of transducers and messages once."""
-    known = [one for one in faults_of(config).values() if not one.lacking]
-    shown = f"{config.structure.valves[-1].name}.current"
-    current = next((one.name for one in config.structure.transducers if one.shows == shown), "")
-    kept: dict[tuple, FaultOfRig] = {}
-    for one in known:
-        key = (one.fault.part, one.fault.name, "" if one.fault.part == TRANSDUCER else one.owner)
-        if key not in kept or one.owner == current:
-            kept[key] = one
-    return list(kept.values())
+def judged(one: FaultOfRig, shift: Upshift, healthy: Upshift, config: RigConfig) -> str:
+    """Return what a shift with a fault came to, one of the outcomes, by the healthy one of the same controller on a rig."""
+    watched = {trip.name: trip for trip in config.trips}
+    trip, latest = watched.get(shift.trip), WORSE * healthy.took
+    if trip is not None and (trip.warning is not None or trip.name.startswith("tie_up")):
+        return HARM
+    told = shift.trip == BAD_CONTROLLER and STATED.match(shift.reason)
+    unheard = shift.trip == NO_COMMAND and one.fault.part == MESSAGES
+    if shift.trip and trip is None and not told and not unheard:
+        return FAILED
+    took = shift.took
+    if shift.trip:
+        took = shift.tripped - (trip.delay if trip is not None else 0.0)
+    if took is None or took > latest or shift.peak > WORSE * healthy.peak:
+        return BADLY
+    return IN_TIME if shift.trip else WELL
 
 
-def _numbers(shift: _Shift) -> str:
+def chosen_faults(config: RigConfig, only: str) -> list[FaultOfRig]:
+    """Return the faults of a rig that names as for :func:`check_under_faults` stand for; RigError for a name without any."""
+    known = [one for one in faults_of(config).values() if not one.lacking and one.fault.part != CONTROLLER]
+    for name in only.split(","):
+        if not any(fnmatchcase(one.name, name.strip()) for one in known):
+            raise RigError(f"controller check --faults: {unknown('fault', name.strip(), [one.name for one in known])}")
+    return [one for one in known if any(fnmatchcase(one.name, name.strip()) for name in only.split(","))]
+
+
+def _when(shift: Upshift) -> str:
+    return f"{abs(shift.tripped):.3f} s {'before' if shift.tripped < 0.0 else 'after'} the order: " if shift.trip else ""
+
+
+def _numbers(shift: Upshift) -> str:
     took = "the gear was not reached" if shift.took is None else f"in gear after {1e3 * shift.took:.0f} ms"
     return f"{took}, input torque up to {shift.peak:.0f} Nm"
 
 
-def _shift(load: Callable[[RigConfig], Plug], config: RigConfig, faults: str) -> _Shift:
+def _shift(load: Callable[[RigConfig], Plug], config: RigConfig, faults: str) -> Upshift:
     ill, structure = with_overrides(config, {"faults": faults}), config.structure
     by_device = {setting.setpoint.device: key for key, setting in config.settings.steps.items()}
     keys = {
@@ -131,7 +165,7 @@ def _shift(load: Callable[[RigConfig], Plug], config: RigConfig, faults: str) ->
         try:
             session.set(ORDER, second)
         except RigError as error:
-            return _Shift(None, peak, "" if not session.rig.safe else session.rig.tripped_by, session.reason or str(error))
+            return Upshift(None, peak, session.rig.tripped_by, session.reason or str(error), _tripped(session))
         begun = session.time
         while session.time < begun + SHIFTED and not session.rig.safe:
             session.advance(STEP)
@@ -139,4 +173,9 @@ def _shift(load: Callable[[RigConfig], Plug], config: RigConfig, faults: str) ->
             slip = session.true(structure.input.speed) - ratio * session.true(structure.output.speed)
             near = abs(slip) < NEAR * SPEED
             took = (took if took is not None else session.time - begun) if near else None
-        return _Shift(took, peak, session.rig.tripped_by, session.reason)
+        return Upshift(took, peak, session.rig.tripped_by, session.reason, _tripped(session))
+
+
+def _tripped(session: Session) -> float:
+    """Return how long after the order of the second gear the rig of a session tripped [s]; 0 when it did not."""
+    return max((t - STARTED - ONSET for t, name, *_ in session.events if name == "rig_tripped"), default=0.0)

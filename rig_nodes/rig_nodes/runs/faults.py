@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..base import SAMPLE, TICK_SAMPLES, RigError
-from ..plant import GROWING, HIGH, INTERMITTENT, LOW, MESSAGES, TRANSDUCER, uniform
-from ..rig import FAULT_OFF, FAULT_ON, FAULT_ORDERED, FaultOrder, faults_of, read_fault
+from ..plant import GROWING, HIGH, INTERMITTENT, LOW, MESSAGES, NOISE, TRANSDUCER, uniform
+from ..rig import CONTROLLER, CONTROLLER_COMMAND, FAULT_OFF, FAULT_ON, FAULT_ORDERED, OUTPUT_KEYS, FaultOrder, faults_of, read_fault
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,8 +54,8 @@ class Acting:
         Share of its size that acts now.
     shifts : dict of str to float
         What it has added to states of its device.
-    held : float
-        What its transducer read as it began; NaN before.
+    held : list of float
+        What its transducer read as it began, or the true values that it has kept since then [SI].
     """
 
     order: FaultOrder
@@ -63,7 +63,7 @@ class Acting:
     began: int = -1
     level: float = 0.0
     shifts: dict[str, float] = field(default_factory=dict)
-    held: float = math.nan
+    held: list[float] = field(default_factory=list)
 
 
 class _Written:
@@ -119,14 +119,39 @@ class _Channel(_Written):
 
     def held(self) -> float:
         """Return what it read as the fault began, in its range [SI]."""
-        if math.isnan(self.acting.held):
-            self.acting.held = min(max(self.rig.measurement(self.name), self[LOW]), self[HIGH])
-        return self.acting.held
+        held = self.acting.held
+        if not held:
+            held.append(min(max(self.rig.measurement(self.name), self[LOW]), self[HIGH]))
+        return held[0]
+
+    def keep(self, one: Acting) -> None:
+        """Keep the true value on the wire at this sample, in a ring as long as the fault's largest delay."""
+        name, place = self.name, (self.rig.sample - one.began) % _kept(one)
+        for pair in reversed(self._swaps):  # whose wire it is now
+            name = pair[name == pair[0]] if name in pair else name
+        one.held[place : place + 1] = [self.rig.shown_truly(name)]
+
+    def earlier(self, time: float) -> float:
+        """Return the kept value of so long ago [s, SI] at the end of the next sample, until which it is shown."""
+        one, passed = self.acting, self.rig.sample - self.acting.began
+        return one.held[max(0, passed + 1 - _samples(time)) % _kept(one)]
 
     def swap(self) -> None:
         """Exchange its wire and that of the next one of its type."""
         self._swaps.append((self.name, self.other))
         self.rig.swap_wires(self.name, self.other)
+
+
+class _Profile(_Written):
+    """The profile of an output of the embedded controller, whose healthy points are those of the settings."""
+
+    def __init__(self, rig: Rig, output: int) -> None:
+        self.rig, self.output = rig, output
+        super().__init__(rig.profile(output))
+
+    def restore(self) -> None:
+        """Write the points that are set."""
+        self.values[:] = self.rig.config.alfa46.profiles[self.output]
 
 
 class Faults:
@@ -183,13 +208,17 @@ class Faults:
         rig, order = self._rig, read_fault(self._rig.config, text, "fault")
         if order.of.fault.part == MESSAGES and rig.embedded:
             raise RigError(f"fault {order.of.name} refused: the Alfa46 runs inside the rig, without messages; plug a controller")
+        if order.of.fault.part == CONTROLLER and not rig.embedded:
+            raise RigError(f"fault {order.of.name} refused: the shift controller is outside, and its fill times are its own")
         same = self._same(order)
         if order.off and not same:
             raise RigError(f"fault {order.of.name} cannot end: it is not there; {self._there()}")
         if same and not order.off:
             raise RigError(f"fault {order.of.name} is there already ({same[0].order.text}); end it with off=true first")
-        if order.when is not None:
-            self._reading(order.when.signal)  # refused now if nothing shows it
+        if order.of.fault.pairs and not order.off:
+            for of in (one.order.of for one in self.acting):
+                if of.fault.pairs and {of.owner, of.configs[1]} == {order.of.owner, order.of.configs[1]}:
+                    raise RigError(f"fault {order.of.name} refused: {of.name} exchanges the same two wires; end it first")
         return order
 
     def _same(self, order: FaultOrder) -> list[Acting]:
@@ -241,29 +270,34 @@ class Faults:
                 continue
             level = self._level(one, sample)
             changed, one.level = changed or level != one.level, level
+            if one.order.of.fault.keeps:
+                self._target(one).keep(one)
         if changed or self._targets:
             self.apply()
         self.next = min([self._next_of(one, sample) for one in self.acting], default=NEVER)
 
     def _level(self, one: Acting, sample: int) -> float:
-        order, passed = one.order, sample - one.began
-        if order.onset == GROWING:
+        order = one.order
+        if order.onset == GROWING:  # in the same steps, whatever calls between two ticks
+            passed = max(0, sample - sample % TICK_SAMPLES - one.began)
             return min(1.0, passed * SAMPLE / order.over) if order.over > 0.0 else 1.0
         if order.onset == INTERMITTENT:
-            return 1.0 if passed % _samples(order.period) < round(order.share * _samples(order.period)) else 0.0
+            return 1.0 if (sample - one.began) % _samples(order.period) < _on(order) else 0.0
         return 1.0
 
     def _next_of(self, one: Acting, sample: int) -> int:
         order, tick = one.order, (sample // TICK_SAMPLES + 1) * TICK_SAMPLES
         if one.began < 0:
             return max(one.due, tick if sample >= one.due else 0)
+        if order.of.fault.keeps:
+            return sample + 1
         due = one.began + math.ceil(order.lasts / SAMPLE - 1e-9) if math.isfinite(order.lasts) else NEVER
         if order.onset == GROWING and one.level < 1.0:
             due = min(due, tick)
         if order.onset == INTERMITTENT:
             period = _samples(order.period)
             turn, passed = divmod(sample - one.began, period)
-            on = round(order.share * period)
+            on = _on(order)
             due = min(due, one.began + turn * period + (on if passed < on else period))
         return max(due, sample + 1)
 
@@ -274,7 +308,7 @@ class Faults:
         return sample % TICK_SAMPLES == 0 and when.low <= self._reading(when.signal) <= when.high
 
     def _reading(self, signal: str) -> float:
-        """The present value of a signal [SI]: what a transducer shows, or the true value of a state."""
+        """The present value of a signal [SI]: what a transducer shows, a true value, or what the newest command says."""
         if signal in self._rig.channels:
             return self._rig.measurement(signal)
         from .topics import Readings, States  # here, because they read a rig that is built
@@ -283,10 +317,13 @@ class Faults:
             self._readings = States(self._rig), Readings(self._rig.config.catalogue)
         states, readings = self._readings
         topic = readings.topic(signal)
-        if topic not in states.topics:
-            raise RigError(f"a fault cannot wait for {signal}, which is no signal of the plant")
-        states.refresh()
-        readings.fields[topic] = states.topics[topic]()
+        if topic == CONTROLLER_COMMAND:
+            if self._rig.newest_command < 0:
+                return math.nan
+            readings.fields[topic] = states.command()
+        else:
+            states.refresh()
+            readings.fields[topic] = states.topics[topic]()
         return readings.reading(signal)
 
     # ---- what acts
@@ -301,8 +338,8 @@ class Faults:
 
     def apply(self) -> None:
         """Write what the faults that act now change, one after the other from the healthy values."""
+        noise = self._rig.gauges.table[NOISE].copy()
         self.lift()
-        channels = any(isinstance(target, _Channel) for target in self._targets.values())
         for one in self.acting:
             if one.began < 0:
                 continue
@@ -310,10 +347,9 @@ class Faults:
             target.acting = one
             if one.level > 0.0 or one.shifts:
                 fault.act(target, one.level * one.order.size)
-            channels |= isinstance(target, _Channel)
         used = {_key(one.order) for one in self.acting}
         self._targets = {key: target for key, target in self._targets.items() if key in used}
-        if channels:
+        if (self._rig.gauges.table[NOISE] != noise).any():
             self._rig.gauges.changes += 1  # who has kept the noise reads it again
 
     def shifted(self, owner: str, state: str) -> float:
@@ -328,6 +364,8 @@ class Faults:
                 self._targets[key] = _Channel(rig, of.owner, of.configs[1], self._swaps)
             elif of.fault.part == MESSAGES:
                 self._targets[key] = _Written(self._messages)
+            elif of.fault.part == CONTROLLER:
+                self._targets[key] = _Profile(rig, OUTPUT_KEYS.index(of.owner))
             else:
                 self._targets[key] = _Written(rig.world.values(of.owner), rig.device(of.owner), of.configs)
         return self._targets[key]
@@ -370,12 +408,12 @@ class Faults:
 
     def snapshot(self) -> tuple:
         """Return the state, for :meth:`restore`."""
-        return tuple(replace(one, shifts=dict(one.shifts)) for one in self.acting)
+        return tuple(map(_copied, self.acting))
 
     def restore(self, snapshot: tuple) -> None:
         """Return to a state, which :meth:`snapshot` has given; the rig has its values of that moment with the faults lifted."""
         self._targets, self._news = {}, []
-        self.acting = [replace(one, shifts=dict(one.shifts)) for one in snapshot]
+        self.acting = [_copied(one) for one in snapshot]
         self.apply()
         self.next = self._rig.sample
 
@@ -383,6 +421,21 @@ class Faults:
 def _key(order: FaultOrder) -> str:
     """What an order acts on; a transducer may have the name of a device."""
     return f"{order.of.fault.part}.{order.of.owner}"
+
+
+def _copied(one: Acting) -> Acting:
+    return replace(one, shifts=dict(one.shifts), held=list(one.held))
+
+
+def _kept(one: Acting) -> int:
+    """How many of a transducer's values a fault that delays them keeps."""
+    return _samples(one.order.size) + 1
+
+
+def _on(order: FaultOrder) -> int:
+    """For how many samples of its period an intermittent fault acts: of all only where it never goes."""
+    on = _samples(order.share * order.period)
+    return on if order.share == 1.0 else min(on, _samples(order.period) - 1)
 
 
 def _samples(seconds: float) -> int:

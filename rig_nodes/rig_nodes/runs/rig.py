@@ -29,7 +29,7 @@ from .gauges import Gauges
 from .plan import plan_of
 from .rig_base import RigStatus
 from .shown_state import ShownState, facts_of
-from .snapshot import Snapshot
+from .snapshot import Snapshot, physics
 from .trips import NO_ANSWER, NO_COMMAND
 
 if TYPE_CHECKING:
@@ -291,7 +291,7 @@ class Rig(CommandedRig, ShownState):
     def reset(self) -> None:
         """Leave the safe state.
 
-        The motor stays off, and no clutch is clamped before it is ordered again. The embedded controller begins in neutral; a
+        All that drives stays off, and no clutch is clamped before it is ordered again. The embedded controller begins in neutral; a
         controller outside must have been in neutral before its commands act again. Until then the status is "starting".
 
         Raises
@@ -302,12 +302,12 @@ class Rig(CommandedRig, ShownState):
         self.check_tripped()
         self._safe[0] = 0.0
         for one in (setting.setpoint for setting in self.settings.steps.values()):
-            if not self.shifts or one.device == self.drive:
+            if not self.shifts or self.config.structure.device(one.device).role == parts.SOURCE:
                 self.device(one.device)[one.command.enabled] = 0.0
         self.reason, self.tripped_by, self.stopped_by_person = "", "", False
         self.watched.reset()
         self._silent, self._trouble = False, ""
-        self._last_command = self._arrived = -1
+        self._last_command, self._arrived, self._gear, self._shifting = -1, -1, 0, False
         self._to_come.clear()
         for valve in self.valves:
             valve["pending"] = 0.0
@@ -468,13 +468,14 @@ class Rig(CommandedRig, ShownState):
             (self.gauges.on, self.gauges.changes),
             self.cuts.snapshot(),
             self.faults.snapshot() if self.faults is not None else (),
+            physics(),
         )
         if self.faults is not None:
             self.faults.apply()
         return now
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Return to a state in which a rig of the same configuration and seed was; older rows are lost.
+        """Return to a state in which a rig of the same configuration and seed was; older rows, and warnings not taken, are lost.
 
         Parameters
         ----------
@@ -484,7 +485,7 @@ class Rig(CommandedRig, ShownState):
         Raises
         ------
         RigError
-            When the snapshot is of a rig that was made from something else.
+            When the snapshot is of a rig that was made from something else, or of another version.
         """
         snapshot.check_fits(self._first, self._made)
         if self.faults is not None:
@@ -500,6 +501,7 @@ class Rig(CommandedRig, ShownState):
         self.gauges.on, self.gauges.changes = snapshot.noise
         self.cuts.restore(snapshot.cuts)
         self._drained = 0
+        self.warnings.clear()
         if self.faults is not None:
             self.faults.restore(snapshot.faults)
 
@@ -508,6 +510,8 @@ class Rig(CommandedRig, ShownState):
         self._law_config[:] = settings.law_config(self.config.transmission)
         self._law_profiles[:] = settings.profiles
         self.config = replace(self.config, alfa46=settings)
+        if self.faults is not None:
+            self.faults.apply()  # on the new points
 
     def state_hash(self) -> str:
         """Return a digest of the whole state; it is equal for equal histories, however these were divided into calls."""

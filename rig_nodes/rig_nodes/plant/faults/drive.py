@@ -36,11 +36,13 @@ FAULTS = (
         *("weak", MOTOR, "armature", "The motor is weak."),
         *("speed falls under load", weak, SPN, BELOW),
         Size("ratio", 0.0, 1.0, 0.6, "share of torque and power that is lost"),
+        effect="motor_speed",
     ),
     Fault(
         *("tripping", MOTOR, "converter", "The converter trips and starts again."),
         *("torque is gone now and then", tripping, SPN, STUCK),
         onset=INTERMITTENT,
+        effect="motor_speed",
     ),
     Fault(
         *("chattering", LOAD, "relief valve", "The relief valve chatters."),

@@ -18,7 +18,7 @@ from ...base import Group
 
 FAMILIES = Group("faults", "fault", __package__, "FAULTS")
 # What a fault acts on where that is no type of device: a transducer, or the messages between rig and controller, whose name in
-# orders is also their name as an owner.
+# orders is also their name as an owner; that of an output of the Alfa46 is "alfa46".
 TRANSDUCER, MESSAGES = "transducer", "messages"
 ABRUPT, GROWING, INTERMITTENT = ONSETS = ("abrupt", "growing", "intermittent")
 # of suspect parameters that SAE J1939 leaves to a manufacturer, behind those of trips; FMIs are numbered in SAE J1939-73
@@ -28,7 +28,7 @@ NETWORK, DRIFTED = 19, 20  # received network data in error, data drifted high
 
 
 class Target(Protocol):
-    """What a fault changes: the values of a device by their names, or the rows of a transducer's table.
+    """What a fault changes: values of a device by their names, rows of a transducer's table, or points of a controller's profile.
 
     What is written is taken back when the fault ends. Values are read as they are with the faults that act already.
 
@@ -43,11 +43,11 @@ class Target(Protocol):
     configs: tuple[Any, ...]
     span: float
 
-    def __getitem__(self, name: str | int) -> float:
+    def __getitem__(self, name: str | int | tuple[int, int]) -> float:
         """Return a value [SI]."""
         ...
 
-    def __setitem__(self, name: str | int, value: float) -> None:
+    def __setitem__(self, name: str | int | tuple[int, int], value: float) -> None:
         """Write a value [SI]."""
         ...
 
@@ -57,6 +57,10 @@ class Target(Protocol):
 
     def held(self) -> float:
         """Return what a transducer read as the fault began [SI]."""
+        ...
+
+    def earlier(self, time: float) -> float:
+        """Return the true value that a transducer with a fault that ``keeps`` had so long ago [s, SI], or as the fault began."""
         ...
 
     def swap(self) -> None:
@@ -96,7 +100,7 @@ class Fault:
     name : str
         Its name, behind that of what it acts on.
     part : str
-        Type of device, or TRANSDUCER or MESSAGES.
+        Type of device, or TRANSDUCER or MESSAGES, or "alfa46".
     sub : str
         What of it fails.
     text, sign : str
@@ -114,6 +118,12 @@ class Fault:
         True for wear or wrong assembly, which is there before a run begins: campaigns begin with it.
     lacks : function
         lacks(configs) returns what a device of this configuration lacks for it, or an empty text.
+    effect : str
+        Name of the effect of a rig without which it changes nothing there; empty for none.
+    pairs : bool
+        True when it acts on a transducer and the next one of its type at once; a second one on the same two would undo it.
+    keeps : bool
+        True when it needs the true value of its transducer at each sample.
     """
 
     name: str
@@ -128,6 +138,9 @@ class Fault:
     onset: str = ABRUPT
     built_in: bool = False
     lacks: Callable[[tuple[Any, ...]], str] = lambda _configs: ""
+    effect: str = ""
+    pairs: bool = False
+    keeps: bool = False
 
 
 @cache

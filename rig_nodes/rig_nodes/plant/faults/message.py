@@ -39,7 +39,7 @@ FAULTS = (
     ),
     Fault(
         *("doubled", MESSAGES, "line", "Commands come a second time, behind the next one."),
-        *("current and pressure are unsteady", written("doubled"), SPN, NETWORK),
+        *("commands act out of order; current and pressure hardly show it", written("doubled"), SPN, NETWORK),
         Size("ratio", 0.0, 1.0, 0.2, "share of the commands"),
     ),
     Fault(

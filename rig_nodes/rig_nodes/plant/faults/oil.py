@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .fault import BELOW, FIRST_SPN, Fault, Size
 
@@ -29,8 +29,14 @@ def air(oil: Target, size: float) -> None:
 
 
 def cold(oil: Target, size: float) -> None:
-    """Make the oil colder by so many kelvins than it would be."""
+    """Make the oil colder by so many kelvins than it would be, and its surroundings too, so that it stays so."""
     oil.shift("oil_temperature", -size)
+    oil["ambient_temperature"] -= size
+
+
+def lacks_temperature(configs: tuple[Any, ...]) -> str:
+    """Return what an oil lacks for a fault of its temperature."""
+    return "" if configs[0].second_viscosity > 0.0 else "the viscosity of its oil does not depend on temperature"
 
 
 def worn(oil: Target, size: float) -> None:
@@ -48,6 +54,8 @@ FAULTS = (
         *("cold", OIL, "oil", "The oil is cold."),
         *("clutches fill slowly and drag more", cold, SUPPLY, BELOW),
         Size("temperature difference", 0.0, 60.0, 25.0, "difference to the oil's temperature"),
+        lacks=lacks_temperature,
+        effect="oil_temperature",
     ),
     Fault(
         *("worn", OIL, "pump", "The pump is worn."),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ..instruments.transducers import GAIN, HIGH, KEEP, LOW, NOISE, OFFSET, TURN
+from ..instruments.transducers import GAIN, HIGH, LOW, NOISE, OFFSET, TURN
 from .fault import (
     BAD,
     DRIFTED,
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from .fault import Target
 
 SPN = FIRST_SPN + 256
-ROW = 1e-4  # s: step of the plant, see slow
 
 
 def offset(wire: Target, size: float) -> None:
@@ -61,13 +60,10 @@ def swapped(wire: Target, _size: float) -> None:
     wire.swap()
 
 
-def slow(wire: Target, size: float) -> None:
-    """Let the reading follow with a time constant [s], besides its low pass: a clogged line, or a filter of the amplifier.
-
-    The share of a step that is left after a row is exp(-row / time); Euler's backward form, here, is close to it for a time far
-    above a row's, and is 0 without a delay.
-    """
-    wire[KEEP] = max(wire[KEEP], size / (size + ROW))
+def delayed(wire: Target, size: float) -> None:
+    """Show what was true a time [s] ago, or as the fault began, with the errors and the noise of now."""
+    wire[OFFSET] += wire[GAIN] * wire.earlier(size)
+    wire[GAIN] = 0.0
 
 
 def losing_pulses(wire: Target, size: float) -> None:
@@ -77,12 +73,12 @@ def losing_pulses(wire: Target, size: float) -> None:
 
 def lacks_counter(configs: tuple[Any, ...]) -> str:
     """Return what an analog transducer lacks for a loss of pulses."""
-    return "" if configs[0] == "speed" else "it counts no pulses"
+    return "" if configs[0] else "it counts no pulses"
 
 
 def lacks_analog(configs: tuple[Any, ...]) -> str:
-    """Return what an encoder lacks for analog noise or a slow amplifier."""
-    return "it counts pulses, and has no analog amplifier" if configs[0] == "speed" else ""
+    """Return what an encoder lacks for analog noise or a late reading."""
+    return "it counts pulses, and has no analog amplifier" if configs[0] else ""
 
 
 def lacks_like(configs: tuple[Any, ...]) -> str:
@@ -126,12 +122,14 @@ FAULTS = (
         *("swapped", TRANSDUCER, "wire", "The wire is exchanged with that of the next transducer of its type."),
         *("two readings show each other's quantity", swapped, SPN, BAD),
         lacks=lacks_like,
+        pairs=True,
     ),
     Fault(
         *("delayed", TRANSDUCER, "line", "The reading comes late."),
-        *("the reading lags behind those that follow from it", slow, SPN, UPDATE),
-        *(Size("time", 0.0, 2.0, 0.1, "time constant"),),
+        *("the reading lags behind those that follow from it", delayed, SPN, UPDATE),
+        *(Size("time", 0.0, 2.0, 0.1, "delay"),),
         lacks=lacks_analog,
+        keeps=True,
     ),
     Fault(
         *("losing_pulses", TRANSDUCER, "disc", "The encoder loses pulses."),

@@ -115,6 +115,7 @@ FAULTS = (
         *("coil_open", VALVE, "coil", "A contact of the coil is corroded or broken."),
         *("current does not reach its setpoint, duty is at its limit", coil_open, COIL, OPEN),
         Size("resistance", 0.0, 1e9, 1e6, "resistance of the contact"),
+        effect="current_loop",
     ),
     Fault(
         *("coil_shorted", VALVE, "coil", "Turns of the coil are shorted."),
@@ -125,5 +126,6 @@ FAULTS = (
         *("coil_hot", VALVE, "coil", "The winding is hot."),
         *("more duty for the same current", coil_hot, COIL, ABOVE),
         Size("temperature difference", 0.0, 200.0, 100.0, "temperature above that of its stated resistance"),
+        effect="current_loop",
     ),
 )
