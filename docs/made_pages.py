@@ -14,6 +14,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import fault_pictures
+import promises
+
 import rig_nodes
 from rig_nodes.base import Parser
 from rig_nodes.cli import list as listed
@@ -41,11 +44,12 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def write() -> None:
-    """Write the pages into docs/made."""
+    """Write the pages into docs/made, with their pictures."""
     folder = DOCS / "made"
     folder.mkdir(exist_ok=True)
     for name, text in pages().items():
         (folder / name).write_text(text, encoding="utf-8")
+    fault_pictures.draw(folder)
 
 
 def pages() -> dict[str, str]:
@@ -53,7 +57,7 @@ def pages() -> dict[str, str]:
     return {
         "signals.md": listed.markdown(),
         "parameters.md": parameters_page(),
-        "faults.md": faults_page(),
+        "faults.md": faults_page() + fault_pictures.page(),
         "fault_benchmark.md": page_of_faults(json.loads(SCORES.read_text(encoding="utf-8"))),
         "metrics.md": _metrics(),
         "settings.md": _of_rig("settings", "Settings", "[Settings](../how_to/settings.md) says how they are changed."),
@@ -61,6 +65,7 @@ def pages() -> dict[str, str]:
         "command_line.md": _command_line(),
         "messages.md": _messages(),
         "api.md": _api(),
+        "requirements.md": promises.page(),
         **_validation(),
     }
 

@@ -4,6 +4,7 @@
 """`rig faults bench`: a public set of runs by seed, the baseline detector, and the scores of any detector."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from rig_nodes.studies.faults.cases import Case, cases_of, course_of
 from rig_nodes.studies.faults.score import Judged, judged, lines_of_faults, scores
 
 CONFIG = load_rig("hydmag")
+SCORES = Path(__file__).parents[2] / "docs" / "reference" / "fault_benchmark.json"  # which the site shows
 ILL = ("valve_zr_p2.coil_open", "p2.stuck", "load_pump.chattering", "oil_supply.worn", "n_wyj.losing_pulses")
 
 
@@ -31,6 +33,7 @@ def test_the_runs_of_a_seed_are_the_same_for_everybody_and_have_every_fault_in_e
     }
     assert [one.fault for one in cases[:10]] == [""] * 10 and all(one.fault for one in cases[10:])
     assert {one.size for one in cases if one.fault == "oil_supply.air"} == {0.25, 0.5, 1.0, 2.0}
+    assert {one.size for one in cases if one.fault == "clutch_s2.glazed"} == {0.25, 0.5, 1.0, 1.25}, "its range ends there"
     one, other = (course_of(CONFIG, cases[10]) for _ in range(2))
     assert all(np.array_equal(one.signals[name], other.signals[name]) for name in one.signals)
 
@@ -65,8 +68,25 @@ def test_scores_are_counted_from_alarms_with_their_runs():
     assert found["detected"] == {"0.5": [0, 1], "1.0": [2, 2]} and found["time_s"]["median"] == pytest.approx(0.3)
     assert found["isolated"] == {"first": [1, 2], "first_three": [2, 2], "type": [1, 2]}
     assert found["confusion"]["transducer.offset"] == {"transducer.stuck": 1}
-    assert found["ambiguous"] == [["transducer.offset", "transducer.stuck"]] and found["smallest"]["transducer.stuck"] == 1.0
+    assert found["ambiguous"] == [["transducer.offset", "transducer.stuck"]]
     assert "detected at 1.0 of the usual size: 2 of 2 (100 %)" in lines_of_faults(found)
+    assert found["smallest"] == {"transducer.stuck": None, "transducer.offset": None}
+    assert "no smallest size is stated, as a healthy run has an alarm" in lines_of_faults(found)
+    assert scores(CONFIG, results[:2] + results[3:])["smallest"] == {"transducer.stuck": 1.0, "transducer.offset": 1.0}
+
+
+def test_the_published_scores_are_of_the_runs_that_their_command_makes():
+    published = json.loads(SCORES.read_text(encoding="utf-8"))
+    seed, healthy = published["seed"], published["healthy"]
+    cases = cases_of(load_rig(published["rig"]), seed, healthy, 1)
+    made = {"runs": len(cases), **scores(CONFIG, [Judged(case, None) for case in cases])}
+
+    def runs(found):
+        """Returns how many runs each rate is of."""
+        kinds = {kind: sum(said.values()) for kind, said in found["confusion"].items()}
+        return found["runs"], {size: of for size, (_, of) in found["detected"].items()}, kinds
+
+    assert runs(published) == runs(made), f"run: ./rig faults bench --seed {seed} --healthy {healthy} --json {SCORES}"
 
 
 def test_anybodys_detector_is_a_function_and_its_slips_are_sentences(tmp_path, capsys):

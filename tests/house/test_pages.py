@@ -4,6 +4,7 @@
 """README and docs: each command is understood, each file linked to is there, and the words written by hand keep to a budget."""
 
 import re
+import runpy
 import shlex
 import subprocess
 from pathlib import Path
@@ -97,6 +98,44 @@ def test_the_index_has_one_line_for_each_page():
     pages = {path.relative_to(DOCS).as_posix() for path in BY_HAND} | {f"made/{name}.md" for name in MADE}
     of_rigs = {name for name in pages if name.startswith("rigs/")} - {"rigs/index.md"}  # have their lines in rigs/index.md
     assert sorted(named) == sorted(pages - of_rigs - {"index.md"})
+
+
+PROMISES = """
+'''A [bus] keeps
+its `time_s`.
+
+More words.'''
+
+FEW, MANY = 3, 9
+MORE = [pytest.param(MANY, marks=pytest.mark.campaign)]
+
+
+def test_one_is_one(): ...
+
+
+@pytest.mark.campaign
+def test_it_lasts(): ...
+
+
+@pytest.mark.parametrize("count", [FEW, *MORE])
+def test_all_come(count): ...
+"""
+
+
+def test_the_page_of_requirements_has_each_file_of_tests_with_its_promise_and_its_tests():
+    made = runpy.run_path(str(DOCS / "promises.py"))
+    page, promise_of, plain = made["page"](), made["promise_of"], made["plain"]
+    promise, tests = promise_of(PROMISES, "test_bus.py")
+    assert (plain(promise), tests) == (
+        r"A \[bus\] keeps its `time_s`.",
+        [("one is one", ""), ("it lasts", " (campaign)"), ("all come", " (with more in a campaign)")],
+    )
+    assert [mark for _, mark in promise_of(PROMISES + "pytestmark = [pytest.mark.campaign]", "")[1]] == [" (campaign)"] * 3
+    with pytest.raises(ValueError, match="test_bus.py has no docstring"):
+        promise_of("def test_one(): ...", "test_bus.py")
+    files = [path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").glob("*/test_*.py")]
+    assert [name for name in files if f"** `{name}`" not in page] == []
+    assert "**README and docs: each command is understood" in page and "\n- no made page is kept\n" in page
 
 
 def test_no_made_page_is_kept():

@@ -115,6 +115,10 @@ def test_it_builds_without_a_warning():
     ):
         printed += (docs.DOCS / "made" / "lessons" / f"{number}.txt").read_text(encoding="utf-8")
         assert lesson.startswith(f"{number}. ") and lost(stated(lesson), printed) == set(), f"lesson {number}"
+    shown = re.findall(r"\]\(faults/(\S+\.svg)\)", (docs.DOCS / "made" / "faults.md").read_text(encoding="utf-8"))
+    ill = (html / "made" / "faults.html").read_text(encoding="utf-8")
+    assert [name for name in shown if f'src="../_images/{name}"' not in ill] == [] and len(shown) >= 30
+    assert "it builds without a warning" in (html / "made" / "requirements.html").read_text(encoding="utf-8")
     fetched = [
         address
         for page in html.rglob("*.html")

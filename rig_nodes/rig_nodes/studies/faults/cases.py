@@ -20,9 +20,10 @@ from ...rig import check_gearbox, faults_of, shown_unit, with_overrides
 from ...runs import Session
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from ...base import Floats
+    from ...plant import Fault
     from ...rig import RigConfig
 
 HEALTHY = ""
@@ -98,7 +99,7 @@ def cases_of(config: RigConfig, seed: int, healthy: int, repeats: int, sizes: Se
     repeats : int
         Runs for each fault and size; a fault without a size has so many for all sizes.
     sizes : sequence of float
-        Sizes over the usual one; each is kept within the fault's range.
+        Sizes over the usual one; in place of one beyond the fault's range is the end of the range.
 
     Returns
     -------
@@ -115,8 +116,7 @@ def cases_of(config: RigConfig, seed: int, healthy: int, repeats: int, sizes: Se
     known = faults_of(config)
     for one in known.values():
         if not one.lacking and one.fault.part != MESSAGES:
-            # one without a size is always as bad as usual
-            wanted += [(one.name, size) for size in (sizes if one.fault.size else (1.0,)) for _ in range(repeats)]
+            wanted += [(one.name, size) for size in _sizes(one.fault, sizes) for _ in range(repeats)]
     out = []
     for number, (fault, size) in enumerate(wanted):
         drawn = [uniform(seed, DRAWS + k, number) for k in range(5)]
@@ -126,6 +126,14 @@ def cases_of(config: RigConfig, seed: int, healthy: int, repeats: int, sizes: Se
         built_in = bool(fault) and known[fault].fault.built_in
         out.append(Case(int(drawn[4] * 2**31), speed, load, temperature, fault, size, 0.0 if built_in else round(onset, 3)))
     return out
+
+
+def _sizes(fault: Fault, sizes: Sequence[float]) -> Iterable[float]:
+    """Return the sizes over the usual one that a fault can have, each once; one without a size is always as bad as usual."""
+    size = fault.size
+    if size is None:
+        return (1.0,)
+    return dict.fromkeys(min(max(size.usual * one, size.low), size.high) / size.usual for one in sizes)
 
 
 def course_of(config: RigConfig, case: Case) -> Course:
@@ -173,4 +181,4 @@ def _order(config: RigConfig, case: Case) -> str:
     if size is None:
         return text
     unit, factor = shown_unit(size.quantity)
-    return f"{text}, size={min(max(size.usual * case.size, size.low), size.high) / factor!r} {unit}"
+    return f"{text}, size={size.usual * case.size / factor!r} {unit}"
