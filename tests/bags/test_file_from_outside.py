@@ -78,6 +78,31 @@ def test_a_file_that_is_cut_is_noticed_and_its_beginning_can_be_read(tmp_path):
     assert Bag(tmp_path, recover=True).counts[TOPIC] == 100
 
 
+def test_nothing_is_written_behind_a_cut_where_it_would_leave_a_hole(tmp_path, monkeypatch):
+    """What comes before the next look at the file is as long as what was cut off."""
+    monkeypatch.setattr("rig_nodes.bags.writer.CHUNK_BYTES", 1000)
+    monkeypatch.setattr("rig_nodes.bags.writer.BUFFER", 1)
+    encode, path, bag = encoder(TYPE).encode, tmp_path / "run_0.mcap", BagWriter(tmp_path, "run")
+    with pytest.raises(RigError, match="was cut from outside to 3000 bytes"):
+        for ms in range(300):
+            if ms == 110:
+                size = path.stat().st_size
+                os.truncate(path, 3000)
+            bag.write(TOPIC, TYPE, encode(ms * 1_000_000, ms, 0.1), ms * 1_000_000)
+    assert ms == 200 and path.stat().st_size == 3000 < size
+    bag.close()
+
+
+def test_a_cut_after_the_last_look_is_noticed_when_the_bag_is_closed(tmp_path):
+    encode, bag = encoder(TYPE).encode, BagWriter(tmp_path, "run")
+    for ms in range(250):
+        bag.write(TOPIC, TYPE, encode(ms * 1_000_000, ms, 0.1), ms * 1_000_000)
+    os.truncate(tmp_path / "run_0.mcap", 3000)
+    with pytest.raises(RigError, match="was cut from outside to 3000 bytes at 0.249 s"):
+        bag.close()
+    assert not (tmp_path / "metadata.yaml").exists(), "which is there only beside a finished bag"
+
+
 def test_a_disk_that_is_nearly_full_and_keeps_no_room_ends_the_bag_in_order_before(tmp_path, monkeypatch):
     monkeypatch.setattr(growing_file, "_fallocate", lambda: None)
     real = os.fstatvfs

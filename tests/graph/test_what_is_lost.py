@@ -3,6 +3,8 @@
 
 """A run that lost messages or time reports it in its last line and ends with exit code 3; a full disk is reported in a sentence."""
 
+import contextlib
+import gc
 import json
 import os
 import re
@@ -13,14 +15,17 @@ import time
 
 import numpy as np
 import pytest
+import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosgraph_msgs.msg import Clock as ClockMessage
-from running_graph import BRIEF, SHORT, Client, Graph, RigRun, Traces, rig_run
+from running_graph import BRIEF, PATIENCE, SHORT, Client, Graph, RigRun, Traces, rig_run
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
-from rig_nodes.nodes.processes.result import facts_of, what_was_lost
+from rig_nodes.cli.run_arguments import exit_code
+from rig_nodes.nodes import realtime
+from rig_nodes.nodes.processes.result import facts_of, run_part, what_was_lost
 
 
 def part_of(folder) -> dict:
@@ -31,7 +36,8 @@ def stop_for(pid: int, seconds: float) -> None:
     """Stops a process by SIGSTOP, as a debugger or a paused container does."""
     os.kill(pid, signal.SIGSTOP)
     time.sleep(seconds)  # the length of the stop is the condition of the tests
-    os.kill(pid, signal.SIGCONT)
+    with contextlib.suppress(ProcessLookupError):  # the supervisor has continued and ended it
+        os.kill(pid, signal.SIGCONT)
 
 
 DYING = """
@@ -108,14 +114,52 @@ def test_a_rig_that_stood_still_for_a_moment_has_lost_time_and_the_run_says_so(t
     assert part_of(run.folder)["lost"] == sum(part_of(run.folder).get("lost_by_topic", {}).values())
 
 
+@pytest.mark.against_the_clock
+@pytest.mark.parametrize(
+    ("process", "order", "reason"),
+    [("container", {}, "still for 2."), ("recorder", {"speed": 1.0}, "the recorder stands still for 2.")],
+    ids=["real time", "lockstep"],
+)
+def test_a_rig_that_would_wait_for_ever_ends_with_a_bag_that_is_whole(tmp_path, monkeypatch, process, order, reason):
+    graph = Graph(tmp_path / "run", **order)
+    monkeypatch.setattr("rig_nodes.nodes.processes.supervisor.FOR_GOOD", 2.0)
+    graph.supervisor.children[process].signal(signal.SIGSTOP)
+    assert graph.supervisor.ended.wait(PATIENCE)
+    end = graph.close()
+    assert (end.state, end.trip) == ("tripped", "stood_still") and reason in end.reason, end
+    assert Bag(graph.folder).end == end.plain()
+    assert not any("was killed" in text for text in graph.reports), graph.reports
+    assert exit_code(end.state, {"run": {}}, False) == 1
+
+
+def test_a_machine_that_was_suspended_trips_the_rig_and_what_it_missed_is_not_caught_up(monkeypatch):
+    """Only the clock of the time since boot goes on meanwhile."""
+    asleep, steps, stood, real = [], [], [], time.clock_gettime_ns
+    for module, name in ((gc, "freeze"), (sys, "setswitchinterval"), (realtime, "prefer")):
+        monkeypatch.setattr(module, name, lambda *_: None)
+    monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: real(clock) + sum(asleep))
+
+    def step():
+        steps.append(time.monotonic())
+        if len(steps) == 20:
+            asleep.append(3600_000_000_000)
+
+    clock = realtime.RealTime(1_000_000, 5)
+    clock.run(step, lambda: len(steps) >= 40, stood.append)
+    assert len(steps) == 40 and stood == [pytest.approx(3600.0, abs=2.0)]
+    assert clock.summary()["behind"]["longest_s"] < 10.0, "no hour to catch up"
+
+
 def of_rig(messages):
     """The statuses of the rig as a whole in messages of /diagnostics, which other nodes send too."""
     return [status for message in messages for status in message.status if status.name == "rig"]
 
 
-@pytest.mark.parametrize("jump", [0, -1000, 1000])
-def test_a_second_clock_is_named_within_a_second_and_the_run_is_marked(tmp_path, jump):
-    """One that stands still or jumps moves nothing of the rig, whose own nodes have its time from the rig."""
+def test_a_second_clock_is_named_within_a_second_and_the_run_is_marked(tmp_path):
+    """One that stands still or jumps moves nothing of the rig, whose own nodes have its time from the rig.
+
+    The container is killed in the end, which takes its own record of the clocks with it.
+    """
     graph = Graph(tmp_path / "run", speed=1.0)
     user = Client(graph.domain)
     try:
@@ -123,29 +167,41 @@ def test_a_second_clock_is_named_within_a_second_and_the_run_is_marked(tmp_path,
         user.node.create_subscription(DiagnosticArray, "/diagnostics", health.append, 100)
         user.until(lambda: len(states) > 100, "half a second")
         clock = user.node.create_publisher(ClockMessage, "/clock", 10)
-        for number in range(20):
-            clock.publish(ClockMessage(clock=Time(sec=5000 + jump * (number % 2))))
         began = time.monotonic()
         user.until(lambda: any("/clock is sent by user too" in text for text in graph.reports), "the sentence", 5.0)
         assert time.monotonic() - began < 1.5, "and what DDS needs to know the sender"
+
+        def told() -> bool:
+            clock.publish(ClockMessage(clock=Time(sec=5000)))
+            return any("/clock jumps back by up to 499" in text for text in graph.reports)
+
+        user.until(told, "by how much the times differ", 5.0)
+        namesake = rclpy.create_node("rig", context=user.context, start_parameter_services=False)
+        namesake.create_publisher(ClockMessage, "/clock", 10)
+        user.until(lambda: any("/clock is sent by another rig too" in text for text in graph.reports), "the node of this name", 5.0)
         seen = len(states)
         user.until(lambda: len(states) > seen + 100, "half a second more")
         stamps = [state.header.stamp.sec + state.header.stamp.nanosec * 1e-9 for state in states]
         assert np.diff(stamps) == pytest.approx(0.005) and states[-1].reason == ""
+        namesake.destroy_node()
         user.node.destroy_publisher(clock)
         health.clear()
         user.until(lambda: len(of_rig(health)) >= 2, "diagnostics without the second clock")
         rig = of_rig(health)[-1]
-        assert rig.level == DiagnosticStatus.WARN and rig.message.endswith(", but /clock was sent by user too")
-        assert {pair.key: pair.value for pair in rig.values}["other_clocks"] == "user"
+        assert rig.level == DiagnosticStatus.WARN and rig.message.endswith(", but /clock was sent by user, another rig too")
+        assert {pair.key: pair.value for pair in rig.values}["other_clocks"] == "user, another rig"
+        graph.supervisor.children["container"].signal(signal.SIGKILL)
+        assert graph.supervisor.ended.wait(PATIENCE)
     finally:
         user.close()
         graph.close()
-    facts = facts_of(graph.folder)
-    events = [text for *_, name, text, _ in Bag(graph.folder).events() if name == "second_clock"]
-    assert events == ["/clock is sent by user too: nodes with use_sim_time see two times"]
-    said = what_was_lost({"other_clocks": facts["container"]["other_clocks"]})
-    assert said == "/clock was sent by user too: nodes with use_sim_time saw two times", "and exit code 3"
+    assert "container" not in facts_of(graph.folder)
+    run = run_part(Bag(graph.folder), graph.folder, {}, graph.supervisor.end)
+    of_user, jumps, of_namesake = run["other_clocks"]
+    assert of_user == "/clock is sent by user too: nodes with use_sim_time see two times"
+    assert of_namesake == of_user.replace("user", "another rig")
+    lost = what_was_lost(run)
+    assert jumps in lost and exit_code("ended", {"run": run, "shifts": []}, False, lost) == 3
 
 
 def test_a_bag_that_was_cut_meanwhile_ends_the_run_and_is_said_to_be_damaged(tmp_path):

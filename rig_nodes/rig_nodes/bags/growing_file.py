@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import errno
+import io
 import os
 from contextlib import suppress
 from functools import cache
@@ -17,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from _typeshed import ReadableBuffer
 
 KEEP_SIZE = 1  # fallocate(2): the file does not grow by what is kept for it
 AHEAD = 1024 * 1024  # bytes that are kept at once
@@ -31,11 +34,28 @@ def _fallocate() -> Any:
     return found
 
 
-class GrowingFile:
-    """An open file, by its descriptor."""
+class GrowingFile(io.FileIO):
+    """A new file, which nobody else writes; FileExistsError when there is one.
 
-    def __init__(self, file: int) -> None:
-        self._file, self._held = file, 0  # bytes from the file's begin
+    Attributes
+    ----------
+    written : int
+        Bytes that the system has got for it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "xb")
+        self.written, self._held = 0, 0  # bytes from the file's begin
+        self._whole = True
+
+    def write(self, data: ReadableBuffer, /) -> int:
+        """Write at the end; what would come behind a cut is dropped, because the hole before it would make the file look whole."""
+        self._whole = self._whole and os.fstat(self.fileno()).st_size >= self.written
+        if not self._whole:
+            return memoryview(data).nbytes
+        count = super().write(data)
+        self.written += count
+        return count
 
     def keep(self, size: int) -> None:
         """Keep room for the file at a size [bytes] and for AHEAD bytes more, or for the size alone, as far as the disk has it.
@@ -46,32 +66,30 @@ class GrowingFile:
             return
         call = _fallocate()
         for wanted in (size + AHEAD, size) if call else ():
-            if call(self._file, KEEP_SIZE, 0, wanted) == 0:
+            if call(self.fileno(), KEEP_SIZE, 0, wanted) == 0:
                 self._held = wanted
                 return
             if ctypes.get_errno() not in (errno.ENOSPC, errno.EDQUOT):
                 return  # this file system keeps none
 
-    def left(self, written: int) -> int:
+    def left(self) -> int:
         """Return how many bytes the file can grow beyond those written: what is kept, and what the disk has left."""
-        disk = os.fstatvfs(self._file)
-        return disk.f_bavail * disk.f_frsize + max(0, self._held - written)
+        disk = os.fstatvfs(self.fileno())
+        return disk.f_bavail * disk.f_frsize + max(0, self._held - self.written)
 
     def give_back(self) -> None:
         """Give back what is kept beyond the file's end."""
         if self._held:
-            os.ftruncate(self._file, os.fstat(self._file).st_size)
+            self.truncate(os.fstat(self.fileno()).st_size)
             self._held = 0
 
-    def harm(self, path: Path, written: int, kept: str) -> tuple[str, bool]:
+    def harm(self, path: Path, kept: str) -> tuple[str, bool]:
         """Return what others have done to the file, and whether it is still whole.
 
         Parameters
         ----------
         path : Path
             Its place.
-        written : int
-            Bytes that the system has got for it.
         kept : str
             The time up to which it has been recorded.
 
@@ -85,11 +103,12 @@ class GrowingFile:
         OSError
             When the file cannot be looked at.
         """
-        own, there = os.fstat(self._file), None
+        own, there = os.fstat(self.fileno()), None
+        self._whole = self._whole and own.st_size >= self.written
         with suppress(OSError):
             there = os.stat(path)
         why = ""
-        if own.st_size < written:
+        if not self._whole:
             why = (
                 f"{path} was cut from outside to {own.st_size} bytes at {kept}; what is left of it can be read with rig bag recover"
             )
@@ -101,4 +120,4 @@ class GrowingFile:
         elif not os.access(path.parent, os.W_OK, effective_ids=True):
             why = f"{path.parent} takes no more files at {kept}: it or its disk was made read-only; "
             why += f"{path.name} was ended in order, without metadata.yaml"
-        return why, own.st_size >= written
+        return why, self._whole

@@ -8,6 +8,7 @@ The headless run and the recorder use it. The same calls give the same bytes.
 
 from __future__ import annotations
 
+import io
 import itertools
 import struct
 from collections import deque
@@ -284,7 +285,7 @@ class BagWriter:
             self._guard(self._writer.add_records, records, of[begin:end], times[begin:end], ends[begin:end] - at[k], each[k])
             self._first, self._last = min(self._first, int(times[begin:end].min())), max(self._last, int(times[begin:end].max()))
         self._guard(self._writer.hand_over)
-        self._kept, self._handed = self._writer.last, self._file.tell()
+        self._kept = self._writer.last
         self._end_before_full()
 
     def _store_each(self, columns: Sequence[Column], order: Sequence[int], times: Sequence[int]) -> None:
@@ -388,7 +389,7 @@ class BagWriter:
     def _hand_over(self) -> None:
         self._look_after()
         self._guard(self._writer.flush)
-        self._kept, self._handed = self._writer.last, self._file.tell()
+        self._kept = self._writer.last
         self._end_before_full()
 
     def _look_after(self) -> None:
@@ -400,7 +401,7 @@ class BagWriter:
             When the recording cannot go on.
         """
         try:
-            why, whole = self._growing.harm(self.path, self._handed, f"{self._last / 1e9:.3f} s")
+            why, whole = self._growing.harm(self.path, f"{self._last / 1e9:.3f} s")
         except OSError as error:
             raise self._fail(error) from None
         if why:
@@ -408,8 +409,8 @@ class BagWriter:
 
     def _room(self) -> int:
         """Return the bytes that the disk has left for chunks in front of the end of the bag."""
-        waiting = self._file.tell() - self._handed  # in the file's buffer
-        return self._growing.left(self._handed) - waiting - self._size_of_end()
+        waiting = self._file.tell() - self._growing.written  # in the file's buffer
+        return self._growing.left() - waiting - self._size_of_end()
 
     def _size_of_end(self) -> int:
         return self._writer.size_of_end + OF_TOPIC * len(self._topics)
@@ -468,6 +469,7 @@ class BagWriter:
             self._close_file()
             return
         self._guard(self._writer.flush)
+        self._look_after()
         self._end_before_full(0)
         self._guard(self._finish)
 
@@ -509,11 +511,10 @@ class BagWriter:
         self._flush_at: int | None = None  # ns; None before the first message
         self._first = self._last = 0
         self._kept = 0  # ns, up to which everything is handed to the operating system
-        self._handed = 0  # bytes of the file until there
         self._left = RESERVE  # bytes that the disk has left behind the newest chunk and the end
         self._unflushed: deque[tuple[int, int]] = deque()  # of McapWriter, once it has begun the file
-        self._file = open(self.path, "xb", buffering=BUFFER)
-        self._growing = GrowingFile(self._file.fileno())
+        self._growing = GrowingFile(self.path)
+        self._file = io.BufferedWriter(self._growing, BUFFER)
 
     def _begin(self) -> McapWriter:
         writer = McapWriter(self._file, "ros2", self._library, CHUNK_BYTES, self._layout.packing == "chunk", self._fits)

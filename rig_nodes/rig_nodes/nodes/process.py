@@ -35,6 +35,7 @@ from ..controllers import use_own_transports
 from ..rig import load_rig
 from ..runs import Ordered, load_sequence, parse_parameters, parse_settings, read_run
 from .executor import events_executor
+from .processes.line import Line
 from .processes.tap import Tap
 from .ros_arguments import own_arguments, set_parameters
 
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 
 ORPHANED = "the process of rig run, which watches the run, has ended"
 PATIENCE = 20.0  # s between the order to end and the end by force
+ALIVE = 0.05  # s between two signs for the supervisor that this process goes on
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 RUN_OPTION = ("--run", {"type": Path, "metavar": "FILE", "help": "run.json of a run, in place of all options that say what is run"})
 RIG_OPTIONS = [
@@ -108,6 +110,8 @@ class Process:
             signal.signal(number, self._on_signal)
         self.arguments = self._parse(description, options)
         self._act: Callable[[dict], None] = lambda _order: None
+        self._line: Line | None = None  # to the supervisor
+        self._alive_at = 0.0  # time.monotonic() of the next sign
         self._follow_supervisor()
         # The supervisor starts its children with both blocked, so that none is lost before the handlers stand.
         signal.pthread_sigmask(signal.SIG_UNBLOCK, STOP_SIGNALS)
@@ -130,7 +134,7 @@ class Process:
         """Receive the supervisor's orders, and end in order when it is gone for any reason; without one there are no orders."""
         if self.arguments.status_fd is None:
             return
-        os.set_blocking(self.arguments.status_fd, False)
+        self._line = Line(self.arguments.status_fd)
 
         def follow() -> None:
             # not sys.stdin: its lock, held by a waiting thread, would break the end of the interpreter
@@ -190,7 +194,7 @@ class Process:
             signal.setitimer(signal.ITIMER_REAL, PATIENCE)  # SIGALRM without a handler ends the process
 
     def status(self, kind: str, **fields: object) -> None:
-        """Send one line to the supervisor; it is dropped when the supervisor does not read, because the rig never waits.
+        """Send one line to the supervisor, without waiting for it to read.
 
         Without a supervisor, what is new in it goes to the log, for people.
 
@@ -201,12 +205,10 @@ class Process:
         **fields : object
             Its fields, which JSON can hold.
         """
-        if self.arguments.status_fd is None:
+        if self._line is None:
             self._tell(kind, fields)
-            return
-        line = json.dumps({"kind": kind, **fields}, allow_nan=False) + "\n"
-        with suppress(BlockingIOError, BrokenPipeError):
-            os.write(self.arguments.status_fd, line.encode())
+        else:
+            self._line.send(kind, fields)
 
     def tell(self, text: str, t: float | None = None) -> None:
         """Have a sentence printed for the person at the terminal, at simulated time t [s] when it is given."""
@@ -253,10 +255,25 @@ class Process:
         An exception of any callback of any node ends the process in order, and the rig container first brings the rig into its
         safe state.
         """
+        self._say_alive()
         try:
             self.executor.spin_until_future_complete(Future(), seconds)
         except Exception as error:
             self._fail(f"its callback '{_callback(error)}'", error)
+
+    def wait(self, future: Future, seconds: float) -> None:
+        """Serve callbacks until a future is done, for some seconds at most; an exception of a callback is passed on."""
+        until = time.monotonic() + seconds
+        while not future.done() and time.monotonic() < until:
+            self._say_alive()
+            self.executor.spin_until_future_complete(future, ALIVE)
+
+    def _say_alive(self) -> None:
+        """Tell the supervisor, every ALIVE s at most, that this process goes on."""
+        now = time.monotonic()
+        if self._line is not None and now >= self._alive_at:
+            self._alive_at = now + ALIVE
+            self.status("alive")
 
     def leave(self, nodes: Iterable[Node], publishers: Iterable[Publisher] = (), **facts: object) -> None:
         """End: wait until every subscriber has what was published, write facts and cost, and remove the nodes.

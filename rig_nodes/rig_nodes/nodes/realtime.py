@@ -16,6 +16,7 @@ import sys
 import threading
 import time
 from array import array
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,7 +36,8 @@ CATCH_UP = 4
 # programs wanted too were up to 82 ms behind.
 BEHIND_NS = 100_000_000
 # A gap of this length between two samples is no lateness of a busy machine: the rig stood still, as by SIGSTOP or a suspended
-# machine, and a real one would have gone on without its controller.
+# machine, and a real one would have gone on without its controller. The schedule stands while the machine is suspended; the clock
+# of the gap does not.
 STOOD_NS = 1_000_000_000
 
 
@@ -137,15 +139,18 @@ class RealTime:
         sys.setswitchinterval(0.0002)
         period, per_tick, tick_ns = self.period_ns, self.per_tick, self.period_ns * self.per_tick
         clock, sleep = time.monotonic_ns, time.sleep
+        since_boot = partial(time.clock_gettime_ns, time.CLOCK_BOOTTIME)
         due, count, last, behind = clock(), 0, 0, False
+        awake = since_boot()
         while True:
             now = clock()
             start = max(due, last + period // CATCH_UP)
             if now < start:
                 sleep((start - now) * 1e-9)
                 now = clock()
-            if count and now - last > STOOD_NS:
-                stood((now - last) * 1e-9)
+            before, awake = awake, since_boot()
+            if count and awake - before > STOOD_NS:
+                stood((awake - before) * 1e-9)
             last = now
             if count % per_tick == 0:
                 if stop():

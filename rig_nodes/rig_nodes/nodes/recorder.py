@@ -187,6 +187,7 @@ class Recorder(Node):
         def values() -> dict:
             return {
                 "received": self.received,
+                "paused": self._asked_paused,
                 "queue": len(self._queue),
                 "queue_longest": self.longest_queue,
                 "overflow": overflow,
@@ -212,7 +213,8 @@ class Recorder(Node):
             ]
         if len(self._queue) > WAITING // 2:
             return [Health("recorder", WARN, "more than half of the queue is full: the disk does not keep up", values)]
-        return [Health("recorder", OK, "records" if self.received else "waits for the first message", values)]
+        says = "is paused" if self._asked_paused else "records" if self.received else "waits for the first message"
+        return [Health("recorder", OK, says, values)]
 
     def _enqueue(self, topic: Topic) -> Callable[[bytes], None]:
         """Return the callback of one topic."""
@@ -379,7 +381,6 @@ def work(process: Process) -> None:
         try:
             while not process.stopping and node.failure is None:
                 process.spin(0.05)
-                process.status("alive")
                 node.others.look()
             drain(process, node)
             connected = node.connected_publishers()

@@ -28,10 +28,10 @@ from .device import DeviceNode, device_names, own_nodes, pace_of, sender
 from .diagnostics import Diagnostics
 from .lockstep import Lockstep
 from .matching import meet, silent
-from .other_topics import LOOK
+from .other_clocks import OtherClocks
 from .process import ORPHANED, RIG_OPTIONS, SEQUENCE_PARAMETERS, Process, ordered, run
 from .processes.dropping import parse_drop
-from .processes.recording_options import CLOCK
+from .processes.recording_options import CLOCK, SECOND_CLOCK
 from .realtime import MESSAGES, RealTime, prefer_process
 from .rig_health import RigHealth
 from .rig_node import RigNode
@@ -95,8 +95,8 @@ class Container:
         self.tap = self.cuts.tap = process.tap([*self.publishers, *self.cuts.answers])
         # not in the catalogue and not recorded, because the replay of a bag publishes its own clock
         self._clock_out = self.nodes[0].create_publisher(Clock, CLOCK, 10)
-        self.other_clocks: list[str] = []  # other nodes that have sent /clock
-        health = RigHealth(self.rig, self.clock, self.commands, self.other_clocks)
+        self.other_clocks = OtherClocks(self.nodes[0], self.on_other_clock)
+        health = RigHealth(self.rig, self.clock, self.commands, self.other_clocks.names)
         self.diagnostics = Diagnostics(self.nodes[0], health, lambda: self.rig.time_ns)
         self._first_to: list[Publisher] = []  # publishers whose first message users' nodes must have before time goes on
         self._seen = None
@@ -259,14 +259,10 @@ class Container:
         response.success, response.message = True, "the rig ends"
         return response
 
-    def look_for_clocks(self) -> None:
-        """Name each other node that sends /clock, once: users' nodes with simulated time then see two times."""
-        for offer in self.nodes[0].get_publishers_info_by_topic(CLOCK):
-            if offer.node_name not in (self.nodes[0].get_name(), *self.other_clocks):
-                self.other_clocks.append(offer.node_name)
-                text = f"{CLOCK} is sent by {printable(offer.node_name)} too: nodes with use_sim_time see two times"
-                self.commands.put(CLOCK, self.commands.event, "second_clock", text)
-                self.process.tell(text, self.rig.time)
+    def on_other_clock(self, text: str) -> None:
+        """Report what a second sender of /clock does, as an event and to the person at the terminal."""
+        self.commands.put(CLOCK, self.commands.event, SECOND_CLOCK, text)
+        self.process.tell(text, self.rig.time)
 
     def work(self) -> None:
         """Wait for the other processes, run the loop, end in order."""
@@ -279,13 +275,9 @@ class Container:
             self.process.follow_orders(self.obey)
             thread = threading.Thread(target=self.loop, name="rig", daemon=True)
             thread.start()
-            look_at = 0.0
             while thread.is_alive():
                 self.process.spin(0.05)
-                self.process.status("alive")
-                if time.monotonic() > look_at:
-                    look_at = time.monotonic() + LOOK
-                    self.look_for_clocks()
+                self.other_clocks.look()
             sign.close()
         facts = {
             "time_s": self.rig.time,
@@ -294,7 +286,7 @@ class Container:
             "trip": self.rig.tripped_by,
             "interrupted": self.process.interrupted,
             "refused": dict(self.commands.refused),
-            "other_clocks": self.other_clocks,
+            "other_clocks": self.other_clocks.said,
             "real_time_priority": self.clock.real_time_priority,
         }
         if self.rig.shifts:  # a rig without shifts has no controller that could be late

@@ -57,6 +57,7 @@ class RigNode(Device):
             text = "Order of a fault or its end, as --fault of ./rig run takes it"
             self.declare_parameter(FAULT, "", ParameterDescriptor(name=FAULT, description=text), ignore_override=True)
             self.add_on_set_parameters_callback(self.on_fault)
+            self.create_service(Trigger, "~/faults", self.on_faults)
 
     def on_valve_command(self, message: np.void) -> None:
         """Enqueue the answer to one controller sample, and record the commands before it that did not arrive."""
@@ -109,6 +110,12 @@ class RigNode(Device):
         except RigError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def on_faults(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Say which faults are there: ``NAME on`` or ``NAME waiting``, with commas between them."""
+        there = [f"{one.order.of.name} {'on' if one.began >= 0 else 'waiting'}" for one in self.rig.faults.acting]
+        response.success, response.message = True, ", ".join(there)
+        return response
 
     def on_e_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Do the emergency stop before all other commands; it holds until the reset."""

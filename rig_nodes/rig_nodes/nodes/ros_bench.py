@@ -148,7 +148,7 @@ class RosBench:
         future.add_done_callback(self._on_answer)
         if self.in_lockstep:
             # an accepted order stands: the controller takes it with the sample that waits for this tick
-            self.node.process.executor.spin_until_future_complete(future, ANSWER_TIMEOUT)
+            self.node.process.wait(future, ANSWER_TIMEOUT)
             if not future.done():
                 raise SequenceFailed(f"the shift controller did not take the order within {ANSWER_TIMEOUT:g} s")
 
@@ -197,7 +197,7 @@ class RosBench:
         self._setting = self._setters[owner].call_async(SetParameters.Request(parameters=[parameter.to_parameter_msg()]))
         self._setting.add_done_callback(lambda future: self.node.wake())
         if self.in_lockstep:
-            self.node.process.executor.spin_until_future_complete(self._setting, ANSWER_TIMEOUT)
+            self.node.process.wait(self._setting, ANSWER_TIMEOUT)
 
     def changed(self) -> bool:
         """Return whether the newest setting, or order of a fault, was taken; SequenceFailed with the reason when it was refused."""

@@ -254,7 +254,6 @@ def work(process: Process) -> None:
         node.listen()
     while not process.stopping:
         process.spin(0.05)
-        process.status("alive")
     process.leave([node], node.bench.outputs.values(), published=node.bench.counts, outcome=node.outcome)
     if arguments.once and node.outcome is not None and not node.outcome["success"]:
         raise SequenceFailed(node.outcome["text"])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import queue
+import re
 import threading
 import time
 from collections import deque
@@ -18,9 +19,8 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any
 
 import rclpy
-from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters, SetParametersAtomically
 from rclpy.action import ActionClient
@@ -49,6 +49,9 @@ SLICE, IDLE = 0.1, 2.0  # s after which the thread looks for jobs that wait for 
 KEPT = 20_000  # messages of one topic that wait for the page's thread, 20 s at 1 kHz; the newest stay
 FOUND = 10.0  # s in which the server of an action is found on a busy machine
 BEHIND = 0.3  # s by which a busy machine may be behind with a topic, of which then the newest messages are received
+SILENT = 5.0  # s without a word of a process on /diagnostics, where each speaks once a second, after which what it has said is old
+RUNS = re.compile(r"runs '(.*?)', (?:step (\d+) of (\d+): )?(.*)", re.DOTALL)  # the sequencer there
+PARAMETERS = "/parameter_events"
 NODE = "panel"
 
 
@@ -76,20 +79,14 @@ class Bench:
         self._clients: dict[str, Client] = {}
         self._fresh: dict[str, deque[bytes]] = {}
         self.records: deque[dict] = deque(maxlen=4)  # of rigs that have begun to run, not yet taken
-        self.health: dict[str, Any] = {}  # newest DiagnosticStatus by name
+        self.health: dict[str, tuple[float, Any]] = {}  # when it came, by time.monotonic(), and newest DiagnosticStatus by name
         self.changed: deque[tuple[str, Any]] = deque(maxlen=KEPT)  # full names and new values of parameters
         self._node.create_subscription(RunInfo, RUN_INFO, self._on_info, recorder_profile("latched"))
         self._node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_health, 10)
-        self._node.create_subscription(ParameterEvent, "/parameter_events", self._on_parameters, 1000)
+        self._node.create_subscription(ParameterEvent, PARAMETERS, self._on_parameters, 1000)
         self._shift = ActionClient(self._node, Shift, "/controller/shift")
         self._sequence = ActionClient(self._node, RunSequence, "/sequencer/run")
-        self.progress: dict[str, Any] = {"running": False, "text": ""}  # of the sequence that runs, whoever has started it
-        self.phase = ""  # of the shift that runs
-        self._goals: set[Future] = set()  # of the actions that have been asked for and have not ended
-        names = "/sequencer/run/_action", "/controller/shift/_action"
-        self._node.create_subscription(RunSequence.Impl.FeedbackMessage, f"{names[0]}/feedback", self._on_step, 10)
-        self._node.create_subscription(GoalStatusArray, f"{names[0]}/status", self._on_status, recorder_profile("latched"))
-        self._node.create_subscription(Shift.Impl.FeedbackMessage, f"{names[1]}/feedback", self._on_phase, 10)
+        self._open: set[Future] = set()  # of the orders that have not ended
         self._thread = threading.Thread(target=self._serve, name="ros", daemon=True)
         self._thread.start()
 
@@ -138,6 +135,26 @@ class Bench:
         found = {f"{space.rstrip('/')}/{name}".lstrip("/") for name, space in names if not name.startswith("_")}
         return sorted(found - {NODE})
 
+    def holders(self) -> dict[str, bytes]:
+        """Return the nodes that hold parameters, each with the number of its publisher, which is another after a restart."""
+        found = self._node.get_publishers_info_by_topic(PARAMETERS)
+        return {f"{one.node_namespace.rstrip('/')}/{one.node_name}".lstrip("/"): bytes(one.endpoint_gid) for one in found}
+
+    def said(self) -> dict[str, tuple[Any, bool]]:
+        """Return the newest word of each device and process on its health, and whether it is old, as nothing comes any more."""
+        old = time.monotonic() - SILENT
+        return {name: (one, came < old) for name, (came, one) in sorted(self.health.items())}
+
+    @property
+    def progress(self) -> dict[str, Any]:
+        """The sequence that runs, whoever has started it, as the sequencer tells; ``text`` has why the last one has failed."""
+        came, one = self.health.get("sequencer", (0.0, None))
+        if one is None or came < time.monotonic() - SILENT:
+            return {"running": False, "text": ""}
+        if found := RUNS.fullmatch(one.message):
+            return {"running": True, "step": int(found[2] or 0), "steps": int(found[3] or 1), "text": found[4]}
+        return {"running": False, "text": one.message if one.level != DiagnosticStatus.OK else ""}
+
     def _on_info(self, message: RunInfo) -> None:
         try:
             self.records.append(json.loads(message.json)["configuration"])
@@ -145,24 +162,12 @@ class Bench:
             pass  # not a record of this project's runs
 
     def _on_health(self, message: DiagnosticArray) -> None:
-        self.health.update((one.name.removeprefix("rig/"), one) for one in message.status)
+        now = time.monotonic()
+        self.health.update((one.name.removeprefix("rig/"), (now, one)) for one in message.status)
 
     def _on_parameters(self, message: ParameterEvent) -> None:
         for one in (*message.new_parameters, *message.changed_parameters):
             self.changed.append((f"{message.node.lstrip('/')}.{one.name}", plain(parameter_value_to_python(one.value))))
-
-    def _on_step(self, message: Any) -> None:
-        told = message.feedback
-        self.progress = {"running": True, "step": told.step, "steps": told.steps, "text": told.text}
-
-    def _on_status(self, message: GoalStatusArray) -> None:
-        if any(one.status <= GoalStatus.STATUS_CANCELING for one in message.status_list):
-            self.progress = self.progress | {"running": True}
-        else:
-            self.progress = {"running": False, "text": ""}
-
-    def _on_phase(self, message: Any) -> None:
-        self.phase = message.feedback.phase
 
     # ---- orders
 
@@ -205,20 +210,27 @@ class Bench:
             hand_on(self.call(GetParameters, f"/{node}/get_parameters", GetParameters.Request(names=wanted), outcome), result)
 
         listed = self.call(ListParameters, f"/{node}/list_parameters", ListParameters.Request(), lambda answer: answer.result.names)
-        listed.add_done_callback(lambda done: result.set_exception(e) if (e := done.exception()) else named(done.result()))
+        listed.add_done_callback(
+            lambda done: hand_on(done, result) if done.cancelled() or done.exception() else named(done.result())
+        )
+        result.add_done_callback(lambda _: listed.cancel())
         return result
 
     def call(self, kind: type, name: str, request: Any, outcome: Callable[[Any], Any]) -> Future:
         """Call a service; the result is what ``outcome`` makes of its response."""
         result: Future = Future()
+        self._open.add(result)
+        result.add_done_callback(self._open.discard)
 
         def begin() -> None:
             if name not in self._clients:
                 self._clients[name] = self._node.create_client(kind, name)
             client = self._clients[name]
+            if result.done():
+                return
             if client.service_is_ready():
                 client.call_async(request).add_done_callback(lambda done: settle(result, lambda: outcome(done.result())))
-            elif not result.cancelled():  # it is new to this node, or its server is away
+            else:  # it is new to this node, or its server is away
                 self._jobs.put(begin)
 
         self._do(begin)
@@ -237,7 +249,8 @@ class Bench:
 
         def outcome(answer: CancelGoal.Response) -> str:
             if answer.return_code != CancelGoal.Response.ERROR_NONE or not answer.goals_canceling:
-                raise RefusedByRig("no sequence that can be aborted runs")
+                own = "the sequence was started with the rig, by its command, and ends with it, or with an emergency stop"
+                raise RefusedByRig(own if self.progress["running"] else "no sequence runs")
             return "the sequence is aborted"
 
         # a request without an id and without a stamp is for all goals (action_msgs/CancelGoal)
@@ -246,8 +259,8 @@ class Bench:
     def _act(self, client: ActionClient, goal: Any, accepted: Callable[[], None], server: str, rejected: str) -> Future:
         """Send a goal; ``server`` and ``rejected`` make the sentence of a goal that is not accepted."""
         result, asked = Future[str](), time.monotonic()
-        self._goals.add(result)
-        result.add_done_callback(self._goals.discard)
+        self._open.add(result)
+        result.add_done_callback(self._open.discard)
 
         def outcome(done: RosFuture) -> str:
             answer = done.result().result
@@ -264,25 +277,26 @@ class Bench:
                 settle(result, refuse(f"{server} {rejected}"))
 
         def begin() -> None:
+            if result.done():
+                return
             if client.server_is_ready():
                 client.send_goal_async(goal).add_done_callback(answered)
             elif time.monotonic() - asked > FOUND:
                 settle(result, refuse(f"{server} does not answer"))
-            elif not result.cancelled():
+            else:
                 self._jobs.put(begin)
 
         self._do(begin)
         return result
 
     def forget(self, why: str) -> None:
-        """Refuse all actions that have not ended, because the rig that they were for is gone."""
+        """Refuse all orders that have not ended, because the rig that they were for is gone; none acts on the next one."""
 
         def end() -> None:
-            self.progress = {"running": False, "text": ""}
-            for one in list(self._goals):
+            for one in list(self._open):
                 settle(one, refuse(why))
 
-        if self._goals or self.progress["running"]:
+        if self._open:
             self._do(end)
 
     # ---- the thread
@@ -342,6 +356,7 @@ def settle(future: Future, outcome: Callable[[], Any]) -> None:
 def hand_on(source: Future, target: Future) -> None:
     """Give a future the outcome of another one."""
     source.add_done_callback(lambda done: settle(target, done.result))
+    target.add_done_callback(lambda _: source.cancel())  # nobody waits for it any more
 
 
 def plain(value: Any) -> bool | float | str | list[float] | None:

@@ -53,6 +53,8 @@ class Description:
     ----------
     config : RigConfig
         The rig's configuration, from the record that it publishes.
+    record : mapping
+        That record.
 
     Parameters
     ----------
@@ -64,7 +66,7 @@ class Description:
 
     def __init__(self, record: Mapping, rig: str = "") -> None:
         config = config_of_record(record, "the rig that runs")
-        self._files = files_of(rig or config.name)
+        self.record, self._files = record, files_of(rig or config.name)
         text = str(self._files[0][1].get("description", "")) if self._files else ""  # which a record does not hold
         self.config: RigConfig = replace(config, description=text)
 
@@ -98,6 +100,7 @@ class Description:
             else [],
             "settings": [described(one) for one in (*torques, *self.live.values()) if one.numbers == 1],
             "outputs": self._outputs(),
+            "delays": [name for name, one in self.live.items() if one.owner == CONTROLLER and one.unit == "s" and one.low < 0.0],
             "faults": [self._fault(one) for one in faults_of(config).values()] if config.faults is not None else [],
             "sequences": [{"name": name, "text": text} for name, (_, text) in self._installed("sequences").items()],
             "procedures": [{"name": name, "text": text} for name, (_, text) in self._installed("procedures").items()],
@@ -214,11 +217,22 @@ class Description:
         bodies, links = driveline_drawn(self.config)
         structure, known = self.config.structure, self.config.catalogue.signals
         speeds = self._speeds([one.name for one in bodies])
-        joined = {frozenset(map(str, one.wires["joins"])): one for one in structure.devices if "joins" in one.wires}
+        joined: dict[tuple[str, frozenset[str]], list[str]] = {}  # by kind and ends: several may join the same two
+        for one in structure.devices:
+            kind = "clutch" if one in structure.clutches else "freewheel" if one in structure.freewheels else ""
+            if kind and "joins" in one.wires:
+                joined.setdefault((kind, frozenset(map(str, one.wires["joins"]))), []).append(one.name)
         braked: dict[str, list[str]] = {}
         for one in structure.clutches:
             if "brakes" in one.wires:
                 braked.setdefault(str(one.wires["brakes"]), []).append(one.name)
+        joints = []
+        for one in links:  # in the order of the devices, as joined has them
+            names = joined.get((one.kind, frozenset((one.a, one.b))), [])
+            clutch = self._clutch(names.pop(0)) if names else None
+            shaft = next((t.name for t in structure.transducers if one.kind == "shaft" and t.shows == f"{one.text}.torque"), None)
+            torque = clutch.get("torque") if clutch else shaft
+            joints.append({"kind": one.kind, "a": one.a, "b": one.b, "clutch": clutch, "torque": torque})
         return {
             "svg": driveline_svg(self.config),
             "bodies": [
@@ -227,14 +241,11 @@ class Description:
                     "speed": speeds.get(one.name),
                     "torque": self._torque_on(one.name, known),
                     "brakes": [self._clutch(name) for name in braked.get(one.name, [])],
+                    "braked": bool(one.brake),
                 }
                 for one in bodies
             ],
-            "links": [
-                {"name": one.text, "kind": one.kind, "clutch": self._clutch(device.name) if device else None}
-                for one in links
-                for device in [joined.get(frozenset((one.a, one.b))) if one.kind in ("clutch", "freewheel") else None]
-            ],
+            "links": joints,
         }
 
     def _clutch(self, name: str) -> dict[str, str]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...base import RigError, atomic_write, brief, not_written
+from ...base import RigError, atomic_write, brief, not_written, unknown
 from ...rig import CONTROLLER, OUTPUT_KEYS, Alfa46Config, read_alfa46
 from ...studies import controller_yaml
 
@@ -83,11 +83,54 @@ def controller_values(panel: Panel, text: str) -> dict[str, Any]:
     return {name: value for name, value in found.items() if panel.values.get(name) != value}
 
 
-def save_sequence(name: Any, content: Any) -> Path:
-    """Write a composed sequence into SEQUENCES and return its file; RigError when it cannot be written."""
+def own_sequences() -> list[str]:
+    """Return the names of the sequences that were composed on the page."""
+    return sorted(path.stem for path in SEQUENCES.glob("*.yaml") if NAME.fullmatch(path.stem))
+
+
+def sequence_file(name: Any) -> Path:
+    """Return the file of a composed sequence; RigError when there is none of this name."""
+    path = SEQUENCES.absolute() / f"{named(name)}.yaml"
+    if not path.is_file():
+        raise RigError(unknown("composed sequence", name, own_sequences()))
+    return path
+
+
+def written_sequence(name: Any) -> str:
+    """Return the text of a composed sequence; RigError when it cannot be read."""
+    path = sequence_file(name)
+    try:
+        with path.open(encoding="utf-8") as file:
+            return file.read(LARGEST_SEQUENCE)
+    except (OSError, UnicodeDecodeError) as error:
+        raise RigError(f"{path}: cannot be read ({error})") from None
+
+
+def save_sequence(name: Any, content: Any, replaced: bool = False) -> Path:
+    """Write a composed sequence into SEQUENCES.
+
+    Parameters
+    ----------
+    name, content : Any
+        Its name and its text.
+    replaced : bool
+        Whether it may take the place of another one with this name.
+
+    Returns
+    -------
+    Path
+        Its file.
+
+    Raises
+    ------
+    RigError
+        When it cannot be written, or another one has its name.
+    """
     if not isinstance(content, str) or len(content) > LARGEST_SEQUENCE:
         raise RigError(f"a sequence has at most {LARGEST_SEQUENCE} letters")
     path = SEQUENCES.absolute() / f"{named(name)}.yaml"
+    if path.is_file() and not replaced and written_sequence(name) != content:
+        raise RigError(f"there is another sequence '{name}' already; tick \"replace\", or give this one another name")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -14,10 +14,10 @@ import math
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any
 
-from rosbag2_interfaces.srv import IsPaused, Pause, Resume, SplitBagfile
+from rosbag2_interfaces.srv import Pause, Resume, SplitBagfile
 
 from ...base import RigError, brief, unknown
-from .files import save_sequence
+from .files import own_sequences, save_sequence, sequence_file, written_sequence
 from .panel import PATIENCE
 from .tracks import MOST_SIGNALS, Wish
 
@@ -120,10 +120,17 @@ async def sequence(panel: Panel, page: Page, message: dict[str, Any]) -> str:
 
 
 async def own_sequence(panel: Panel, page: Page, message: dict[str, Any]) -> str:
-    """Save a composed sequence and run it, to its end."""
-    path = save_sequence(message.get("name"), message.get("content"))
+    """Run a composed sequence to its end; one whose steps are given is saved first."""
+    saved, name = message.get("content") is not None, message.get("name")
+    path = save_sequence(name, message["content"], message.get("replace") is True) if saved else sequence_file(name)
+    panel.tell({"kind": "own sequences", "names": own_sequences()})
     done = await answered(panel.bench.run_sequence(str(path), accepted(page, message)), "end of the sequence", LONGEST_SEQUENCE)
-    return f"{done}; it is saved as {path}"
+    return f"{done}; it is saved as {path}" if saved else done
+
+
+async def steps(panel: Panel, page: Page, message: dict[str, Any]) -> str:
+    """Return the text of a composed sequence."""
+    return written_sequence(message.get("name"))
 
 
 async def series(panel: Panel, page: Page, message: dict[str, Any]) -> str:
@@ -155,26 +162,25 @@ async def fault(panel: Panel, page: Page, message: dict[str, Any]) -> str:
 
 
 async def record(panel: Panel, page: Page, message: dict[str, Any]) -> str:
-    """Pause the recorder, let it go on, begin a new file of the bag, or ask whether it records."""
-    done = {"pause": "the recording is paused", "resume": "the recording goes on", "split": "a new file of the bag has begun"}
-    kinds = {"pause": Pause, "resume": Resume, "split": SplitBagfile, "ask": IsPaused}
-    names = {"split": "split_bagfile", "ask": "is_paused"}
+    """Pause the recorder, let it go on, or begin a new file of the bag."""
+    kinds = {
+        "pause": (Pause, "the recording is paused"),
+        "resume": (Resume, "the recording goes on"),
+        "split_bagfile": (SplitBagfile, "a new file of the bag has begun"),
+    }
     what = text(message, "what")
     if what not in kinds:
         raise RigError(unknown("order of the recorder", what, kinds))
-    kind, name = kinds[what], f"/recorder/{names.get(what, what)}"
-    answer = await answered(panel.bench.call(kind, name, kind.Request(), lambda response: response), "answer of the recorder")
-    if what != "split":
-        panel.tell({"kind": "recording", "paused": answer.paused if what == "ask" else what == "pause"})
-    return done.get(what, "")
+    kind, done = kinds[what]
+    await answered(panel.bench.call(kind, f"/recorder/{what}", kind.Request(), lambda _: None), "answer of the recorder")
+    return done
 
 
 async def start(panel: Panel, page: Page, message: dict[str, Any]) -> str:
     """Start the page's own rig again after its end."""
     if panel.own is None:
         raise RigError("this page has joined a rig that somebody else starts")
-    panel.check_free()
-    panel.own.start()
+    panel.start(panel.own)
     return "the rig is starting"
 
 
@@ -201,6 +207,7 @@ ORDERS: dict[str, Order] = {
     "reset": reset,
     "sequence": sequence,
     "own sequence": own_sequence,
+    "steps": steps,
     "series": series,
     "procedure": procedure,
     "abort": abort,

@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Coroutine
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from ...bags import Fields, cdr
 from ...base import RigError, printable, unknown
 from ...controllers import participants
-from ...rig import CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, FAULT_OFF, FAULT_ON, OWN
+from ...rig import CONTROLLER, CONTROLLER_COMMAND, CONTROLLER_EVENTS, FAULT_OFF, FAULT_ON, FAULT_ORDERED, OWN
 from ..device import own_nodes
 from ..running_rig import STATE, STATES, read_in
 from .description import Description, described
+from .files import own_sequences
 from .own_signals import OwnSignals
 from .procedures import ProcedureRun, series_of
 from .shifts import Shifts
@@ -36,6 +38,7 @@ SECOND = FRAMES  # ticks between two looks at what changes slowly
 SILENT = 3 * SECOND  # ticks without a message after which the rig counts as away
 EVENTS = 200  # that a new page gets
 EVENT = "rig_msgs/msg/Event"
+FAULTS = FAULT_ORDERED, FAULT_ON, FAULT_OFF  # events after which others are there
 LEVELS = ("ok", "warn", "error", "stale")
 PATIENCE = 30.0  # s for the answer to an order that takes no time; the page says all the while that it waits
 
@@ -79,7 +82,9 @@ class Panel:
         self._health: dict[str, Any] = {}
         self._progress: dict[str, Any] = {"kind": "sequence", "running": False, "text": ""}
         self._found: dict[str, Any] = {}
-        self._faulty: set[str] = set()  # the faults that are on
+        self._faults: dict[str, Any] = {"kind": "faults", "on": [], "waiting": []}
+        self._faults_due = False  # whether the rig is to be asked for them
+        self._known: dict[str, bytes] = {}  # nodes whose values are known or asked for, with the numbers of their publishers
         self._count, self._heard = 0, -SILENT - 1
         self._asked: set[asyncio.Task] = set()
         self._command: Fields | None = None
@@ -95,13 +100,11 @@ class Panel:
         if self.about is not None:
             page.tell(self._rig())
             page.tell({"kind": "values", "values": self._shown(self.values)})
-        for message in (self._state, self._health, self._progress, self._found, *self._events, *self.shifts.found):
+        own = {"kind": "own sequences", "names": own_sequences()}
+        known = self._state, self._health, self._progress, self._found, self._faults, own
+        for message in (*known, *self._events, *self.shifts.found):
             if message:
                 page.tell(message)
-        page.tell(self._faults())
-
-    def _faults(self) -> dict[str, Any]:
-        return {"kind": "faults", "on": sorted(self._faulty)}
 
     def wish(self) -> None:
         """Decode what some page shows."""
@@ -137,6 +140,9 @@ class Panel:
                 page.send_frame(self.tracks)
         self._take_values()
         self._take_progress()
+        if self._faults_due:
+            self._faults_due = False
+            self._spawn(self._ask_faults())
         for page in list(self.pages):
             page.send_texts()
             if page.dropped:
@@ -158,7 +164,7 @@ class Panel:
         catalogue = self.about.config.catalogue
         self.tracks = Tracks(catalogue, STATE)
         self._command = Fields(catalogue.topics[CONTROLLER_COMMAND].ros_type) if self.about.shifts else None
-        self.values, self._health = {}, {}
+        self.values, self._health, self._known = {}, {}, {}
         self._own_signals, self._own_settings = OwnSignals(), []
         self.bench.health.clear()
         self.bench.listen(*self.about.topics())
@@ -166,31 +172,64 @@ class Panel:
         if self.about.shifts:
             self.shifts.prepare()
         self.tell(self._rig())
-        for node in sorted({one.owner for one in self.about.live.values()} - {CONTROLLER}) + [CONTROLLER] * self.about.shifts:
-            task = asyncio.get_running_loop().create_task(self._ask_values(node))
-            self._asked.add(task)
-            task.add_done_callback(self._asked.discard)
+        self._ask_anew()
 
     def _rig(self) -> dict[str, Any]:
         assert self.about is not None
         own = {"own_signals": self._own_signals.described, "own_settings": self._own_settings}
         return {"kind": "rig", "domain": self.domain, "own": self.own is not None, **own} | self.about.whole
 
+    def _spawn(self, work: Coroutine[Any, Any, Any]) -> asyncio.Task:
+        task = asyncio.get_running_loop().create_task(work)
+        self._asked.add(task)
+        task.add_done_callback(self._asked.discard)
+        return task
+
+    def _ask_anew(self) -> None:
+        """Ask the values of each node that has come, or that was started again and has others than the one before."""
+        if self.about is None:
+            return
+        owners = {one.owner for one in self.about.live.values()} | ({CONTROLLER} if self.about.shifts else set())
+        for node, number in self.bench.holders().items():
+            if node in owners and self._known.get(node) != number:
+                self._known[node] = number
+                self._spawn(self._ask_values(node))
+
     async def _ask_values(self, node: str) -> None:
-        with suppress(RigError, TimeoutError):
+        known = self._known
+        try:
             found = await asyncio.wait_for(asyncio.wrap_future(self.bench.values(node)), PATIENCE)
-            own = [described(self.about.setting(name)) for name in found if self.about and name.startswith(f"{CONTROLLER}.{OWN}")]
-            if own:
-                self._own_settings = own
-                self.tell({"kind": "own settings", "settings": own})
-            self._learn(found)
+        except (RigError, TimeoutError):
+            known.pop(node, None)  # it is asked again
+            return
+        own = [described(self.about.setting(name)) for name in found if self.about and name.startswith(f"{CONTROLLER}.{OWN}")]
+        if own and own != self._own_settings:
+            self._own_settings = own
+            self.tell({"kind": "own settings", "settings": own})
+            for one in own:
+                self.values.pop(one["name"], None)  # told again, to the new fields
+        self._learn(found)
+
+    async def _ask_faults(self) -> None:
+        """Take from the rig which faults are there: also those that it has begun with, and those that wait."""
+        try:
+            said = await asyncio.wait_for(asyncio.wrap_future(self.bench.trigger("/rig/faults")), PATIENCE)
+        except RigError:
+            return  # of a rig that has ended, or of one without faults
+        except TimeoutError:
+            self._faults_due = True
+            return
+        there = [one.split(" ") for one in said.split(", ") if one]
+        self._faults = {"kind": "faults"} | {key: [name for name, how in there if how == key] for key in ("on", "waiting")}
+        self.tell(self._faults)
 
     def _restart(self) -> None:
         """Time has begun again, of this rig or of another one in its place."""
         self.shifts.forget()
         self._events.clear()
-        self._faulty.clear()
-        self.tell(self._faults())
+        self._faults = {"kind": "faults", "on": [], "waiting": []}
+        self.tell(self._faults)
+        self._faults_due = self.about is not None and self.about.config.faults is not None
         for page in self.pages:
             if page.wish:
                 page.wish.restart()
@@ -245,10 +284,7 @@ class Panel:
             told = {"kind": "event", "t": t, "from": topic.split("/")[1], "name": event.name, "text": event.text}
             self._events.append(told)
             self.tell(told)
-            if event.name in (FAULT_ON, FAULT_OFF):
-                name = event.text.partition(":")[0].partition(" ")[0]
-                (self._faulty.add if event.name == FAULT_ON else self._faulty.discard)(name)
-                self.tell(self._faults())
+            self._faults_due |= event.name in FAULTS
             if self.procedure is not None:
                 self.procedure.event(event.name, event.text)
             if topic == CONTROLLER_EVENTS:
@@ -284,28 +320,31 @@ class Panel:
     def _look_slowly(self) -> None:
         """Once a second: health, nodes, torques of loads at their new speeds, and whether the rig is there."""
         self._learn({})
+        self._ask_anew()
+        nodes, own = self.bench.nodes(), own_nodes(self.about.config) if self.about else set()
+        silent = self._count - self._heard > SILENT
         ended = self.own.how if self.own and self.own.ended else ""
-        if ended:
-            self.bench.forget(ended)
-        if self._count - self._heard > SILENT and (self._state["state"] != "away" or (ended and ended != self._state["reason"])):
+        if ended or (silent and own and own.isdisjoint(nodes)):
+            self.bench.forget(ended or "the rig has left its ROS domain")
+        start = bool(ended) and self.procedure is None
+        if silent and (self._state["state"] != "away" or (ended and ended != self._state["reason"])):
             if self.procedure is not None:
                 ended = f"the rig starts anew for procedure '{self.procedure.procedure.name}'"
             why = ended or f"nothing has come from ROS domain {self.domain} for some seconds"
-            self._state = {"kind": "state", "state": "away", "reason": why}
+            self._state = {"kind": "state", "state": "away", "reason": why, "start": start}
             self.tell(self._state)
-        own = own_nodes(self.about.config) if self.about else set()
         told = {
             "kind": "health",
             "devices": {
                 name: {
-                    "level": LEVELS[min(one.level[0], len(LEVELS) - 1)],
-                    "text": one.message,
+                    "level": "stale" if old else LEVELS[min(one.level[0], len(LEVELS) - 1)],
+                    "text": f"says nothing any more; the last was: {one.message}" if old else one.message,
                     "values": {value.key: value.value for value in one.values},
                 }
-                for name, one in sorted(self.bench.health.items())
+                for name, (one, old) in self.bench.said().items()
             },
             "own": self._own_signals.newest.copy(),
-            "others": [printable(name) for name in self.bench.nodes() if name not in own],
+            "others": [printable(name) for name in nodes if name not in own],
             "participants": participants(self.domain),
             "pages": len(self.pages),
         }
@@ -329,6 +368,13 @@ class Panel:
         if self.procedure is not None:
             raise RigError(f"procedure '{self.procedure.procedure.name}' runs; abort it first")
 
+    def start(self, own: OwnRig) -> None:
+        """Start the page's own rig again; RigError while it runs."""
+        self.check_free()
+        own.start()
+        self._state = {"kind": "state", "state": "away", "reason": "the rig is starting"}
+        self.tell(self._state)
+
     async def run_procedure(self, procedure: Procedure, chosen: list[Series]) -> str:
         """Run series of a procedure, then start the rig again that is worked by hand; return a sentence on its end.
 
@@ -341,10 +387,7 @@ class Panel:
         if self.bench.progress["running"]:
             raise RigError("a sequence runs; abort it first")
         self.procedure = run
-        task = asyncio.get_running_loop().create_task(self._run(run, self.own))
-        self._asked.add(task)
-        task.add_done_callback(self._asked.discard)
-        return await asyncio.shield(task)
+        return await asyncio.shield(self._spawn(self._run(run, self.own)))
 
     async def _run(self, run: ProcedureRun, own: OwnRig) -> str:
         try:

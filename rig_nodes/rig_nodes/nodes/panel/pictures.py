@@ -20,6 +20,7 @@ from ...analysis import named_metrics, plain, verdicts_in
 from ...api import Run
 from ...base import RigError
 from ...view import Envelope, Pages, draw_figure, figure_of_shift, write_figure
+from .measured import measured
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -106,13 +107,14 @@ def curves(run: Run, box: Transmission, order: float) -> dict[str, dict[str, lis
 
 
 def main() -> int:
-    """Do what each line of the input says, the name of a folder and perhaps that of a figure, and answer with a line of JSON."""
+    """Do what each line of the input says, a word with what belongs to it, and answer with a line of JSON."""
     os.nice(NICE)
     figures = Figures()
+    do = {"describe": figures.describe, "draw": figures.draw, "measured": lambda file, record: plain(measured(Path(file), record))}
     for line in sys.stdin:
-        folder, name = json.loads(line)
+        what, *more = json.loads(line)
         try:
-            answer = figures.draw(folder, name) if name else figures.describe(folder)
+            answer = do[what](*more)
         except RigError as error:
             answer = {"error": str(error)}
         print(json.dumps(answer), flush=True)

@@ -12,13 +12,14 @@ import asyncio
 import logging
 import signal
 import socket
+import tempfile
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from tornado.httpserver import HTTPServer
 from tornado.netutil import bind_sockets
-from tornado.web import Application, HTTPError, RequestHandler, StaticFileHandler
+from tornado.web import Application, HTTPError, RequestHandler, StaticFileHandler, stream_request_body
 from tornado.websocket import WebSocketHandler
 
 from ...base import RigError
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 STATIC = Path(__file__).with_name("static")
 LARGEST = 256 * 1024  # bytes of a message from a page
+LARGEST_FILE = 64_000_000  # bytes of a measured file
+NAMED = 80  # letters of its name that are kept, the last ones with its ending
 UNREAD = 64 * 1024  # bytes that the system keeps for a browser that does not read
 PIECE = 256 * 1024  # bytes of a file that are sent at once
 DRAWN = "+"  # what a page says when it has a frame
@@ -125,6 +128,37 @@ class Controller(Guarded):
             if values:
                 await answered(self.panel.bench.set(values), "answer of the controller")
         self.write(f"{len(values)} values set" if values else "the rig has these values already")
+
+
+@stream_request_body
+class Measured(Guarded):
+    """A measured file, whose signals are laid over the shifts."""
+
+    def prepare(self) -> None:
+        """Take its parts into a folder of its own; it may be larger than what else a page sends."""
+        super().prepare()
+        self.request.connection.set_max_body_size(LARGEST_FILE)  # type: ignore[union-attr]
+        self._folder = tempfile.TemporaryDirectory(prefix="rig-panel-")
+        name = "".join(c if c.isascii() and (c.isalnum() or c in "-_.") else "_" for c in self.get_query_argument("name", ""))
+        self._file = Path(self._folder.name, name.lstrip(".")[-NAMED:] or "measured.csv").open("wb")
+
+    def data_received(self, chunk: bytes) -> None:
+        """Take a part."""
+        self._file.write(chunk)
+
+    async def post(self) -> None:
+        """Send what was found in it."""
+        self._file.close()
+        with refusals():
+            if self.panel.about is None:
+                raise RigError("no rig answers yet")
+            self.write(await self.panel.shifts.measured(Path(self._file.name), self.panel.about.record))
+
+    def on_finish(self) -> None:
+        """Remove the file."""
+        if hasattr(self, "_file"):
+            self._file.close()
+            self._folder.cleanup()
 
 
 class Recording(Guarded):
@@ -255,6 +289,7 @@ class PanelServer:
                 (r"/live", Socket, with_all),
                 (r"/static/(.*)", Files, with_all | {"path": str(STATIC)}),
                 (r"/controller\.yaml", Controller, with_all),
+                (r"/measured", Measured, with_all),
                 (r"/(bag\.zip|report\.html)", Recording, with_all),
                 (r"/shift/(\d{1,9})/([a-z_]+\.svg)", Figure, with_all),
             ],

@@ -13,7 +13,7 @@ import json
 import sys
 import tempfile
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -80,10 +80,17 @@ class Shifts:
         """Return a figure of a shift, drawn when it is asked for first; RigError when there is none."""
         folder = Path(self._folder.name) / str(key)
         if not (folder / name).is_file():
-            answer = await self._asked(folder, name)
+            answer = await self._asked("draw", str(folder), name)
             if "error" in answer:
                 raise RigError(answer["error"])
         return (folder / name).read_bytes()
+
+    async def measured(self, file: Path, record: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what :func:`nodes.panel.measured.measured` finds in a file; RigError when it cannot be used."""
+        answer = await self._asked("measured", str(file), record)
+        if "error" in answer:
+            raise RigError(answer["error"])
+        return answer
 
     async def close(self) -> None:
         """End the process and remove the figures."""
@@ -122,12 +129,12 @@ class Shifts:
                 start_new_session=True,  # Ctrl-C is for the page
             )
 
-    async def _asked(self, folder: Path, name: str = "") -> dict[str, Any]:
+    async def _asked(self, *order: Any) -> dict[str, Any]:
         """Return the answer of the process that draws."""
         async with self._turn:
             await self._begin()
             assert self._process is not None and self._process.stdin is not None and self._process.stdout is not None
-            self._process.stdin.write(f"{json.dumps([str(folder), name])}\n".encode())
+            self._process.stdin.write(f"{json.dumps(order)}\n".encode())
             await self._process.stdin.drain()
             line = await self._process.stdout.readline()
         return json.loads(line) if line else {"error": "the process that draws has ended"}
@@ -136,7 +143,7 @@ class Shifts:
         folder = Path(self._folder.name) / str(key)
         try:
             await asyncio.to_thread(write_bag, folder, rows, known)
-            answer = await self._asked(folder)
+            answer = await self._asked("describe", str(folder))
         except RigError as error:  # e.g. of a full disk
             answer = {"error": str(error)}
         for bag in folder.glob("*.mcap"):

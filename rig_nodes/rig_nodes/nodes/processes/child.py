@@ -105,21 +105,27 @@ class Child:
         except OSError as error:
             raise not_written(logs / self.log, error) from None
         context = get_context("forkserver")
-        self._status, status = context.Pipe(duplex=False)
-        orders, self._orders = context.Pipe(duplex=False)
-        os.set_blocking(self.line, False)
-        arguments = [*arguments, "--logs", str(logs), "--life", str(life)]
-        self._process = context.Process(
-            target=_begin,
-            args=(name, module, arguments, env, os.getcwd(), logs / self.log, (status, orders), links or {}),
-            name=name,
-        )
         try:
+            self._status, status = context.Pipe(duplex=False)
+            orders, self._orders = context.Pipe(duplex=False)
+            os.set_blocking(self.line, False)
+            arguments = [*arguments, "--logs", str(logs), "--life", str(life)]
+            self._process = context.Process(
+                target=_begin,
+                args=(name, module, arguments, env, os.getcwd(), logs / self.log, (status, orders), links or {}),
+                name=name,
+            )
             self._process.start()
-            # the kernel's word on whether it runs: the server, which is a process too, may be stopped or gone
-            self._alive = os.pidfd_open(self.pid)
+            try:
+                # the kernel's word on whether it runs: the server, which is a process too, may be stopped or gone
+                self._alive = os.pidfd_open(self.pid)
+            except OSError:
+                self._process.kill()
+                raise
         except (EOFError, ConnectionError, ProcessLookupError):
             raise RigError(f"{name} cannot be started: the server of the rig's processes has ended") from None
+        except OSError as error:  # too many files are open, for instance
+            raise RigError(f"{name} cannot be started ({error.strerror or error})") from None
         status.close()
         orders.close()
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ...bags import Layout
 
 CLOCK = "/clock"  # not recorded, because the playback of a bag publishes a clock of its own
+SECOND_CLOCK = "second_clock"  # name of the events about other nodes that send it
 SMALLEST, SHORTEST = 100_000, 0.5  # bytes, s of a file; with less, its definitions and indices would be most of it
 LONGEST = 1e6  # s
 

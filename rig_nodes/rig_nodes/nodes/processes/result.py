@@ -19,6 +19,7 @@ from ...bags import LIBRARY_OF_RUN, Bag, BagWriter, OpenedBags, class_of, files_
 from ...base import RigError, printable
 from ...rig import Topic, catalogue, installed_topics
 from ...runs import FOLLOWING
+from .recording_options import SECOND_CLOCK
 from .supervisor import MODULES, End, processes_of
 
 RUN_INFO = "rig_msgs/msg/RunInfo"
@@ -42,6 +43,9 @@ class RecordedRun(Protocol):
 
     def run_info(self) -> dict:
         """As Bag.run_info."""
+
+    def events(self) -> list[tuple[float, str, str, str, float]]:
+        """As Bag.events."""
 
 
 def facts_of(folder: Path) -> dict[str, dict]:
@@ -193,7 +197,7 @@ def what_was_lost(run: dict) -> str:
         more = f"; and {len(unrecorded) - NAMED} topics more" if len(unrecorded) > NAMED else ""
         losses.append(f"not recorded in full (--exclude leaves a topic out): {'; '.join(named)}{more}")
     if isinstance(clocks := run.get("other_clocks"), list) and clocks:
-        losses.append(f"/clock was sent by {', '.join(map(printable, clocks))} too: nodes with use_sim_time saw two times")
+        losses += map(printable, clocks)
     if run.get("recovered"):
         losses.append(f"the bag is damaged: {run['recovered']}")
     if (behind := _object(run, "behind")).get("times"):
@@ -241,6 +245,7 @@ def run_part(bag: RecordedRun, folder: Path, record: dict, end: End, restarts: S
     """
     facts = facts_of(folder)
     container = facts.get("container", {})
+    clocks = [text for *_, name, text, _ in bag.events() if name == SECOND_CLOCK]  # all that a killed container leaves
     lost = lost_messages(bag, facts)
     processes = {
         name: {"cpu_percent": 100.0 * fact["cpu_s"] / fact["wall_s"], "max_rss_mb": fact["max_rss_mb"]}
@@ -259,7 +264,7 @@ def run_part(bag: RecordedRun, folder: Path, record: dict, end: End, restarts: S
         "refused_commands": container.get("refused"),
         "unreadable": facts.get("recorder", {}).get("unreadable", {}),
         "unrecorded_topics": facts.get("recorder", {}).get("unrecorded", {}),
-        "other_clocks": container.get("other_clocks", []),
+        "other_clocks": container.get("other_clocks", clocks),
         "left_out": facts.get("recorder", {}).get("left_out", {}),
         "stamps_ahead": facts.get("recorder", {}).get("ahead", {}),
         "ticks": container.get("ticks"),

@@ -30,7 +30,10 @@ from .tap import tap_pair
 MODULES = {"recorder": "recorder", "container": "rig_container", "alfa46": "alfa46", "sequencer": "sequencer"}
 END_ORDER = (("container",), ("alfa46", "sequencer"), ("recorder",))
 END_TIMEOUT = 12.0  # s that a process has for its orderly end
-STANDS = 1.0  # s without a word of the recorder after which it stands still
+LOOK = 0.5  # s at most between two looks at the processes
+STANDS = 1.0  # s without a sign of a process after which it stands still
+FOR_GOOD = 10.0  # s without a sign of it after which a run that cannot go on without it ends
+GOES_ON = 2.0  # s in which a process that was continued has gone on, and the rig is in its safe state
 LEFT = 2.0  # s that a process has to end once it has closed its line
 LONGEST_END = 60.0  # s from a stop signal to the end by force, which leaves the processes to end themselves
 AFTER_TRIP = 0.3  # s recorded after the safe state
@@ -150,7 +153,9 @@ class Supervisor:
         self._others = 0  # DDS participants of other programs that were in the domain before this run
         self._unexplained = ""  # reason of the trip before the controller's plug told more
         self._awaited = ""  # sentence that no controller has come yet, as the alfa46 process reported last
-        self._alive: dict[str, float] = {}  # time.monotonic() when a process last said that it goes on, until it stands still
+        self._looked, self._watched = time.monotonic(), 0.0  # newest look at the processes, and time of watching them [s]
+        self._alive: dict[str, float] = {}  # time of watching when a process last said that it goes on
+        self._standing: set[str] = set()  # processes that stand still
         self._unheard = False  # True: what is told can no longer be written
         self._end_at = math.inf
         self._lock = threading.RLock()  # protects the wake pipe; a second signal may interrupt the handler of the first
@@ -241,6 +246,7 @@ class Supervisor:
         )
         self.children[name] = child
         self._alive.pop(name, None)  # the one before it is gone
+        self._standing.discard(name)
         return child
 
     def _links(self) -> dict[str, dict[str, socket.socket]]:
@@ -261,7 +267,7 @@ class Supervisor:
             for child in self.children.values():
                 selector.register(child.line, selectors.EVENT_READ, child)
             while time.monotonic() < self._end_at:
-                left = max(0.0, min(0.5, self._end_at - time.monotonic()))
+                left = max(0.0, min(LOOK, self._end_at - time.monotonic()))
                 for key, _ in selector.select(left):
                     child = key.data
                     if child is None:
@@ -277,29 +283,44 @@ class Supervisor:
                 self._look_after_processes()
 
     def _look_after_processes(self) -> None:
-        """Trip a rig in real time one of whose processes stands still; once until it goes on.
+        """Trip a rig in real time one of whose processes stands still, and end a run in which one does so for good.
 
-        A container that stands still is named, and trips when it goes on. For a controller the rig has a trip of its own.
+        Only time in which this process looked counts: after one in which it was stopped itself, or could not write, it has yet to
+        read what the others said. A rig that is worked by hand in real time stays in its safe state, unless it is the container
+        that stands still.
         """
-        if self.order.speed is not None or not self.running.is_set():
-            return
-        for name, last in list(self._alive.items()):
-            still = time.monotonic() - last
-            if still < STANDS:
-                continue
-            del self._alive[name]
+        now = time.monotonic()
+        self._watched += min(now - self._looked, LOOK)
+        self._looked = now
+        in_real_time = self.order.speed is None
+        for name, last in self._alive.items() if self.end is None else ():
+            still = self._watched - last
             text = f"the {name} stands still for {still:.1f} s"
-            if name == "container":
-                self._tell(None, f"{text}; the rig neither moves nor answers until it goes on")
-            else:
+            if still > self._longest(name) and (not in_real_time or self.order.sequence is not None or name == "container"):
                 self.children["container"].send(trip=text, name=STOOD_STILL)
+                self.children[name].signal(signal.SIGCONT)
+                self._finish_with(End("failed", text), GOES_ON)
+            elif still > STANDS and in_real_time and self.running.is_set() and name not in (*self._standing, "alfa46"):
+                self._standing.add(name)
+                if name == "container":
+                    self._tell(None, f"{text}; the rig neither moves nor answers, and ends after {FOR_GOOD:g} s of that")
+                else:
+                    self.children["container"].send(trip=text, name=STOOD_STILL)
+
+    def _longest(self, name: str) -> float:
+        """Return the time [s] after which a process stands still for good; a controller has its own limits before that."""
+        limits = (self.order.step_timeout, self.order.come_timeout) if name == "alfa46" else (0.0,)
+        return FOR_GOOD + max(math.inf if limit is None else limit for limit in limits)
 
     def _on_message(self, child: Child, message: dict) -> None:
         kind = message["kind"]
         if kind == "alive":
-            self._alive[child.name] = time.monotonic()
+            self._alive[child.name] = self._watched
+            self._standing.discard(child.name)
         elif kind == "running":
             self.running.set()
+            for name in self.children:
+                self._alive.setdefault(name, self._watched + FOR_GOOD)  # the first sign may take longer
             self._tell(None, "all nodes are connected, time starts")
         elif kind == "state":
             self._on_state(message)
@@ -401,6 +422,8 @@ class Supervisor:
         """
         if self.end is None:
             self.end = End("failed", "the supervisor failed")
+        for child in self.children.values():
+            child.signal(signal.SIGCONT)  # one that was stopped can end in order, and those that wait for it too
         for names in END_ORDER:
             group = [self.children[name] for name in names if name in self.children]
             for child in group:
