@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 
 LIMIT = 240.0  # s for a test, or for its fixtures; the slowest takes a minute on a busy machine
+LIMIT_OF_CAMPAIGN = 4 * 3600.0  # s for what is marked so; the longest, tests/graph/test_an_hour_by_hand.py, takes an hour
 # Factor for tests at the lowest priority, at which `rig test` runs some parts: on a machine that is four times slower than
 # usual, a test that compiles has waited 16 minutes for its core.
 AT_LOWEST = 10
@@ -80,10 +81,21 @@ def read_only():
         subprocess.run(["umount", str(folder)], check=True)
 
 
+@pytest.fixture
+def soon_done(request):
+    """Makes blocks that fail when they take more than so many seconds of wall clock, so much more at the lowest priority."""
+    return lambda limit: _ends_in(limit * (AT_LOWEST**2 if at_lowest() else 1), request.config)
+
+
 def mounted(folder, *arguments: str) -> None:
     """Mounts something at a folder, or skips the test."""
     if subprocess.run(["mount", *arguments, str(folder)], capture_output=True).returncode:
         pytest.skip("this user may not mount a disk")
+
+
+def at_lowest() -> bool:
+    """Returns whether these tests run at the lowest priority."""
+    return os.sched_getscheduler(0) == os.SCHED_IDLE
 
 
 def pytest_configure(config):
@@ -110,7 +122,7 @@ def pytest_terminal_summary(terminalreporter, config):
 
 
 def _too_long(*_):
-    pytest.fail("it was not done for minutes: it hangs")
+    pytest.fail("it was not done in its time: it hangs")
 
 
 @pytest.hookimpl(wrapper=True)
@@ -136,16 +148,21 @@ def pytest_runtest_teardown(item):
 
 
 def _bounded(item):
-    if item.get_closest_marker("campaign"):
+    limit = LIMIT_OF_CAMPAIGN if item.get_closest_marker("campaign") else LIMIT
+    with _ends_in(limit * (AT_LOWEST if at_lowest() else 1), item.config):
         return (yield)
-    limit = LIMIT * (AT_LOWEST if os.sched_getscheduler(0) == os.SCHED_IDLE else 1)
+
+
+@contextlib.contextmanager
+def _ends_in(limit, config):
+    """Fails the test in whose block more than ``limit`` s of wall clock pass, also where it only waits."""
     # not SIGALRM, which limits the time of a user's controller in the rig's process
     failing = threading.Timer(limit, signal.pthread_kill, (threading.main_thread().ident, signal.SIGUSR2))
     failing.daemon = True
     failing.start()
-    faulthandler.dump_traceback_later(limit + MORE, exit=True, file=item.config.stderr_of_all)
+    faulthandler.dump_traceback_later(limit + MORE, exit=True, file=config.stderr_of_all)
     try:
-        return (yield)
+        yield
     finally:
         failing.cancel()
         faulthandler.cancel_dump_traceback_later()

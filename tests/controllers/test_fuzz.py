@@ -1,9 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Junk on the wires of a controller: UDP, CAN and Modbus keep serving, and nothing of it commands; a campaign sends 100 000 frames.
+"""Junk on the wires of a controller: UDP, CAN and Modbus keep serving, and only what is whole commands.
 
-Every frame is a valid one with random changes, or random bytes.
+Every frame is a valid one with random changes, or random bytes; a campaign sends up to 100 000 of them.
 """
 
 import random
@@ -23,6 +23,7 @@ from .test_free_running import free_port
 
 HANGS = 5.0  # s for a step
 AT_ONCE = 20  # frames between two samples
+TOLD = 500  # samples after which a campaign prints how far it is
 
 
 def changed(data, draw):
@@ -44,7 +45,8 @@ def changed(data, draw):
 class Wire:
     """A plug under junk. Junk that happens to be a command which no valve can be given ends it in order; it then begins anew."""
 
-    def __init__(self, spec, config):
+    def __init__(self, spec, config, capsys):
+        self.capsys = capsys
         self._spec, self._config, self.longest, self.sample, self.ended = spec, config, 0.0, 0, []
         self.begin()
 
@@ -66,21 +68,27 @@ class Wire:
             return None
         finally:
             self.sample += 1
+            if self.sample % TOLD == 0:
+                with self.capsys.disabled():
+                    print(f"\n{self.sample} samples, ended in order {len(self.ended)} times", end="", flush=True)
             self.longest = max(self.longest, time.monotonic() - began)
 
 
-def checked(wire, count):
-    print(f"{count} frames: ended in order {len(wire.ended)} times, longest step {wire.longest:.2f} s")
+def checked(wire, count, taken):
+    with wire.capsys.disabled():
+        print(
+            f"\n{count} frames: {taken} commands taken, ended in order {len(wire.ended)} times, longest step {wire.longest:.2f} s"
+        )
     assert wire.longest < HANGS
     assert all("\n" not in text for text in wire.ended)
 
 
 @pytest.fixture
-def make(config):
+def make(config, capsys):
     made = []
 
     def start(spec):
-        made.append(Wire(spec, config))
+        made.append(Wire(spec, config, capsys))
         return made[-1]
 
     yield start
@@ -134,58 +142,140 @@ def test_junk_on_udp_is_no_command_and_keeps_no_controller_from_its_own(make, co
     wire.plug.close()
     thread.join(10.0)
     assert not wire.ended
-    checked(wire, count)
+    checked(wire, count, 0)
+
+
+STATES, CURRENTS = (0x200, 65296), (0x201, 65297)  # of a controller, as plain frame and as group of J1939
+STEP = 2e-5  # A for a count of a command
+SAMPLES = 2  # different numbers of samples in junk, so that frames go together
+
+
+class CanCommands:
+    """What may be taken as a command of what was on the bus: a frame of commands, after one of the state for the same sample."""
+
+    def __init__(self):
+        self._gears, self.possible = {}, []
+
+    def sees(self, frame):
+        """Takes what the bus carries."""
+        number = frame.arbitration_id
+        kind = (number >> 8) & 0xFFFF if frame.is_extended_id else number
+        if frame.is_remote_frame or len(frame.data) != 8 or frame.is_extended_id == (kind < 0x800):
+            return
+        sample, *raw = struct.unpack("<4H", frame.data)
+        if kind in STATES:
+            self._gears.setdefault(sample, set()).add(frame.data[2])
+        elif kind in CURRENTS and sample in self._gears:
+            self.possible.append((raw, self._gears[sample]))
+
+    def holds(self, command, gear):
+        """Returns whether an answer is one that came."""
+        return any(
+            gear in gears and all(abs(value - STEP * count) < 0.6 * STEP for value, count in zip(command, raw))
+            for raw, gears in self.possible
+        )
+
+
+def junk_on_can(draw):
+    """Returns a frame of a controller with random content, or a random frame of another node than the rig.
+
+    The rig's own frames would end the run, as another rig's do.
+    """
+    numbers = [0x200, 0x201, 0x202, 0x0CFF1005, 0x0CFF1105, 0x18EAFF05, 0x18EEFF05, 0x18FECA05, 0x18EA0305]
+    frame = draw.choice(numbers) if draw.random() < 0.7 else draw.randrange(1 << 21) << 8 | 5
+    data = draw.randbytes(8 if draw.random() < 0.7 else draw.randrange(9))
+    if draw.random() < 0.7:
+        state = bytes([draw.randrange(4), draw.randrange(2), 0, 0, 0, 0])
+        raw = state if frame in (0x200, 0x0CFF1005) else struct.pack("<3H", *(draw.randrange(40_000) for _ in range(3)))
+        data = (struct.pack("<H", draw.randrange(SAMPLES)) + raw)[: len(data)]
+    extended = frame > 0x7FF or draw.random() < 0.1
+    remote = draw.random() < 0.05
+    return can.Message(arbitration_id=frame, data=b"" if remote else data, is_extended_id=extended, is_remote_frame=remote)
 
 
 @counts("can")
-def test_junk_on_can_is_no_command(make, count):
-    draw = random.Random(41)
+def test_junk_on_can_is_no_command_unless_it_is_whole(make, count):
+    draw, bus, taken = random.Random(41), CanCommands(), 0
     wire = make("can:fuzz?interface=virtual")
-    # those of a controller, and groups of another node than the rig, whose own frames would end the run as another rig's do
-    numbers = [0x200, 0x201, 0x202, 0x0CFF1005, 0x0CFF1105, 0x18EAFF05, 0x18EEFF05, 0x18FECA05, 0x18EA0305]
     stranger = open_bus("fuzz", "virtual", "test")
     try:
         for number in range(count // AT_ONCE):
+            bus.possible.clear()
             for _ in range(AT_ONCE):
-                frame = draw.choice(numbers) if draw.random() < 0.7 else draw.randrange(1 << 21) << 8 | 5
-                data = draw.randbytes(draw.randrange(9))
-                extended = frame > 0x7FF or draw.random() < 0.1
-                remote = draw.random() < 0.05
-                stranger.send(
-                    can.Message(arbitration_id=frame, data=b"" if remote else data, is_extended_id=extended, is_remote_frame=remote)
-                )
+                frame = junk_on_can(draw)
+                bus.sees(frame)
+                stranger.send(frame)
             answer = wire.step()
-            assert answer is None or 0 <= wire.plug.gear <= 3, (number, answer)
+            if answer is not None:
+                taken += 1
+                assert 0 <= wire.plug.gear <= 3 and bus.holds(answer.command, wire.plug.gear), (number, answer)
             while stranger.recv(0.0) is not None:
                 pass
     finally:
         stranger.shutdown()
-    checked(wire, count)
+    assert taken > count // 1000, "junk that is a whole command is one"
+    checked(wire, count, taken)
+
+
+READ = struct.pack(">HHHBBHH", 1, 0, 6, 1, 3, 0, 11)
+COMMANDS = range(32, 40)  # addresses of a command's registers
+TRIPS = 3  # requests of another client after which the server has served what came before them
+
+
+def request_of(draw):
+    """Returns a request that is served, each with another heartbeat where it commands."""
+    beat = draw.randrange(1 << 16)
+    return draw.choice(
+        [
+            READ,
+            struct.pack(">HHHBBHH", 2, 0, 6, 1, 6, 32, beat),
+            struct.pack(">HHHBBHHB4H", 3, 0, 15, 1, 16, 32, 4, 8, beat, 2, 3, 4),
+            struct.pack(">HHHBBHHHHB2H", 4, 0, 15, 1, 23, 0, 4, 32, 2, 4, beat, 2),
+        ]
+    )
+
+
+def writes(stream):
+    """Returns whether what a client has sent holds a whole request of Modbus TCP that writes to a command's registers."""
+    for at in range(len(stream) - 11):
+        _, protocol, length, _, code, first, count = struct.unpack_from(">HHHBBHH", stream, at)
+        end = at + 6 + length
+        if protocol or code not in (6, 16, 23) or end > len(stream):
+            continue
+        if code == 23 and length >= 11:
+            first, count = struct.unpack_from(">HH", stream, at + 12)
+        if first in COMMANDS and (code == 6 or first + count - 1 in COMMANDS):
+            return True
+    return False
 
 
 @counts("modbus")
-def test_junk_on_modbus_keeps_the_server_serving(make, count):
-    port, draw = free_port(), random.Random(41)
+def test_junk_on_modbus_keeps_the_server_serving_and_commands_only_where_it_is_a_whole_request(make, count):
+    port, draw, sent, taken = free_port(), random.Random(41), 0, 0
     wire = make(f"modbus:{port}")
-    valid = [
-        struct.pack(">HHHBBHH", 1, 0, 6, 1, 3, 0, 11),
-        struct.pack(">HHHBBHH", 2, 0, 6, 1, 6, 32, 1),
-        struct.pack(">HHHBBHHB4H", 3, 0, 15, 1, 16, 32, 4, 8, 1, 2, 3, 4),
-        struct.pack(">HHHBBHHHHB", 4, 0, 11, 1, 23, 0, 4, 32, 0, 0),
-    ]
-    for _ in range(count // AT_ONCE):
-        with socket.create_connection(("127.0.0.1", port), timeout=5) as line:
-            line.settimeout(0.001)
-            for _ in range(AT_ONCE):
+
+    def connect():
+        return socket.create_connection(("127.0.0.1", port), timeout=HANGS)
+
+    while sent < count:
+        stream, ends = b"", len(wire.ended)
+        with connect() as line, connect() as another:
+            for _ in range(min(draw.choice((1, AT_ONCE)), count - sent)):
+                frame = changed(request_of(draw), draw)
                 try:
-                    line.sendall(changed(draw.choice(valid), draw))
-                    line.recv(4096)
-                except TimeoutError:
-                    pass
+                    line.sendall(frame)
                 except OSError:  # the server has closed it
                     break
-        wire.step()
-    with socket.create_connection(("127.0.0.1", port), timeout=5) as line:
-        line.sendall(valid[0])
-        assert line.recv(31, socket.MSG_WAITALL)[7] == 3, "it serves again after the junk"
-    checked(wire, count)
+                sent, stream = sent + 1, stream + frame
+                for _ in range(TRIPS):
+                    another.sendall(READ)
+                    assert another.recv(31, socket.MSG_WAITALL)[7] == 3, "another client is served meanwhile"
+                answer = wire.step()
+                if len(wire.ended) > ends:  # it has begun anew, with another server
+                    break
+                if answer is not None:
+                    taken += 1
+                    assert writes(stream), (sent, stream.hex())
+                    assert 0 <= wire.plug.gear <= 3 and all(0.0 <= value <= 65535 * STEP for value in answer.command)
+    assert taken > count // 200, "junk that is a whole request is one"
+    checked(wire, sent, taken)
