@@ -4,6 +4,7 @@
 """The plugin of pytest in projects of others: what chooses rig, run and bag, what failures say, and the folder of examples."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import pytest
 
 import rig_nodes
 from rig_nodes import assert_events, assert_never, assert_shift, assert_stays
+from rig_nodes.api.checks import EVENTS
 from rig_nodes.api.signals import Signal
 from rig_nodes.base import RigError
 
@@ -84,22 +86,55 @@ def test_pytest_finds_it_by_its_entry_point(tmp_path):
     assert "The recorded run that was chosen." in done.stdout
 
 
-def test_marker_command_line_and_ini_file_choose_in_this_order(pytester):
+def test_marker_command_line_and_ini_file_choose_in_this_order_with_settings_for_their_own_rig(pytester):
     pytester.makeini("[pytest]\nrig = hydmag\nrig_set =\n    alfa46.t12=-100 ms\n    alfa46.t21=-110 ms\n")
     pytester.makepyfile(
         """
         import pytest
 
         def test_options(rig):
-            assert rig.name == "three_speed"
+            assert (rig.name, rig.settings) == ("three_speed", {"alfa46.t12": "-120 ms"})
 
         @pytest.mark.rig("hydmag", settings={"alfa46.t21": "-130 ms"})
         def test_marker(rig):
             values = rig.config.alfa46.values
-            assert (rig.name, values.t12, values.t21) == ("hydmag", -0.12, -0.13)
+            assert (rig.name, values.t12, values.t21) == ("hydmag", -0.1, -0.13)
+
+        @pytest.mark.rig("chain_saw")
+        def test_another(rig):
+            assert (rig.name, rig.settings) == ("chain_saw", {})
         """
     )
-    within(pytester, "--rig", "three_speed", "--rig-set", "alfa46.t12=-120 ms").assert_outcomes(passed=2)
+    within(pytester, "--rig", "three_speed", "--rig-set", "alfa46.t12=-120 ms").assert_outcomes(passed=3)
+
+
+def test_settings_without_a_rig_are_for_that_of_the_test(pytester):
+    pytester.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.rig("hydmag")
+        def test_it(rig):
+            assert rig.settings == {"alfa46.t12": "-120 ms"}
+        """
+    )
+    within(pytester, "--rig-set", "alfa46.t12=-120 ms").assert_outcomes(passed=1)
+
+
+def test_files_are_named_from_the_file_that_names_them(pytester):
+    own = pytester.mkdir("own")
+    (own / "mine").mkdir()
+    (own / "mine" / "rig.yaml").write_text("description: mine\nbase: hydmag\n")
+    (own / "standing.yaml").write_text("description: stands\nsteps:\n  - wait: {for: 20 ms}\n")
+    (pytester.path / "turning.yaml").write_text("description: turns\nsteps:\n  - wait: {for: 10 ms}\n")
+    (own / "pytest.ini").write_text("[pytest]\nrig = mine\nrig_sequence = ../turning.yaml\n")
+    (own / "test_it.py").write_text(
+        "import pytest\n\n\ndef sequence(run):\n    return run.report['run']['sequence']\n\n\n"
+        "def test_ini(run):\n    assert (run.record['name'], sequence(run)) == ('mine', 'turning')\n\n\n"
+        "@pytest.mark.rig('./mine', sequence='standing.yaml', delay=2)\ndef test_marker(run):\n"
+        "    assert (sequence(run), run.report['run']['controller']['delay']) == ('standing', 2)\n"
+    )
+    within(pytester, "own").assert_outcomes(passed=2)
 
 
 def test_tests_with_the_same_choice_share_a_run(pytester):
@@ -137,6 +172,28 @@ def test_a_bag_is_opened_where_it_is_named(pytester, demo, tmp_path):
     )
     within(pytester).assert_outcomes(passed=1)
     within(pytester, "--rig-bag", "nowhere").stdout.fnmatch_lines(["*nowhere*there is no*"])
+
+
+def test_a_loggers_file_is_of_the_rig_that_is_named(pytester, demo):
+    logged = demo.to_pandas(["M_wej", "n_wej", "M_wyj", "n_wyj", "p1", "p2"], period="1 ms")
+    logged.columns = [f"{name} [{logged.attrs['units'][name]}]" for name in logged.columns]
+    logged.rename_axis("time [s]").to_csv(pytester.path / "log.csv")
+    shutil.copytree(demo.folder, pytester.path / "recorded")
+    pytester.makeini("[pytest]\nrig = hydmag\n")
+    pytester.makepyfile(
+        """
+        import pytest
+
+        @pytest.mark.rig(bag="log.csv", orders="0.195:0-1, 3.845:1-2, 8.32:2-1")
+        def test_logged(bag):
+            assert bag.record["name"] == "hydmag" and list(bag.shifts["to_gear"]) == ["II", "I"]
+
+        @pytest.mark.rig(bag="recorded")
+        def test_recorded(bag):
+            assert len(bag.shifts) == 2
+        """
+    )
+    within(pytester).assert_outcomes(passed=2)
 
 
 def test_a_failure_is_one_message_without_the_inside_of_the_assertion(pytester, demo):
@@ -224,6 +281,18 @@ def test_events_are_looked_for_in_their_order(demo):
 def test_an_event_that_must_not_come_is_said_with_its_time(demo):
     assert_never(demo, "rig_tripped")
     assert failure(assert_never, demo, "sequence_done").startswith("sequence_done at 13.295 s, which must not come: sequence demo")
+
+
+def test_a_mistyped_name_of_an_event_that_must_not_come_is_refused(demo):
+    with pytest.raises(RigError, match="there is no event 'rig_triped'; did you mean 'rig_tripped'"):
+        assert_never(demo, "rig_triped")
+    assert_never(demo, "my_shift_done", "shift to III")
+
+
+def test_every_event_that_the_rig_sends_is_a_known_name():
+    sources = [path.read_text(encoding="utf-8") for path in Path(rig_nodes.__file__).parent.rglob("*.py")]
+    sent = {name for text in sources for name in re.findall(r'\.event\(\s*(?:"/[\w/]+", |[A-Z_]+, |topic, )?"(\w+)"', text)}
+    assert len(sent) > 8 and sent - {*EVENTS} == set()
 
 
 def test_a_signal_whose_values_were_lost_is_not_within_its_bounds(demo):

@@ -13,6 +13,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import rig_nodes
+from rig_nodes.analysis import metric_keys
 from rig_nodes.base import RigError
 from rig_nodes.rig import load_rig
 from rig_nodes.runs import load_sequence, record
@@ -72,9 +73,37 @@ def test_a_vector_of_them_with_seed_k_is_simulate_with_seed_k_and_the_next(runs)
     for member, row, (seed, recording) in zip(members, seen, runs.items()):
         at = round(member.session.time * 1e4)
         assert row.tolist()[:4] == [recording.channels[name][at] for name in member.transducers[:4]], seed
-    several.step(np.array([member.own_profile() for member in members]))
+    own = np.array([member.own_profile() for member in members])
+    _, _, ended, _, info = several.step(own)
     for member, recording in zip(members, runs.values()):
         assert_same_rows(member, recording)
+    assert ended.all() and info["metrics"]["valid"].all() and info["metrics"]["k"].dtype == float
+    _, reward, ended, _, info = several.step(own)  # which begins anew, with seeds of its own
+    assert not ended.any() and reward.tolist() == [0.0, 0.0] and not {5, 6} & {*info["seed"].tolist()}
+    own[0, -1] = 0.2  # s by which the new clutch comes too late
+    _, reward, ended, _, info = several.step(own)
+    assert ended.all() and reward[0] == -10.0 and info["reason"][0].startswith("n_wyj is ") and info["reason"][1] is None
+    assert info["metrics"]["valid"].tolist() == [False, True] and 0.5 < info["metrics"]["t_c_s"][1] < 0.8
+
+
+def test_members_in_processes_of_their_own_do_the_same():
+    vectors = [gymnasium.make_vec(NAME, num_envs=2, vectorization_mode=mode, actions="profile") for mode in ("sync", "async")]
+    begun = [several.reset(seed=5)[0] for several in vectors]
+    actions = np.array([one.unwrapped.own_profile() for one in vectors[0].envs])
+    actions[0, -1] = 0.2
+    ended = [several.step(actions) for several in vectors]
+    vectors[1].close()
+    assert np.array_equal(*begun) and all(np.array_equal(*pair) for pair in list(zip(*ended))[:4])
+    assert ended[0][4]["reason"].tolist() == ended[1][4]["reason"].tolist() and len(ended[1][4]["metrics"]["k"]) == 2
+
+
+def test_why_a_shift_is_not_valid_is_a_sentence_and_its_metrics_are_cells_of_a_table():
+    env = gymnasium.make(NAME, actions="profile", window=0.3)  # it takes 0.7 s
+    env.reset(seed=1)
+    _, reward, _, _, info = env.step(env.unwrapped.own_profile())
+    assert reward == -10.0 and isinstance(info["reason"], str) and info["metrics"]["valid"] is False
+    assert {type(cell) for cell in info["metrics"].values()} <= {float, str, bool}
+    assert {*info["metrics"]} <= {*metric_keys(), "quality"} - {"why", "undefined"}
 
 
 def test_currents_as_the_alfa46_gives_them_make_its_shift(runs):

@@ -4,7 +4,7 @@
 
 """Release check: the README's commands, as an unprivileged user, in a Debian root that is newly made for it.
 
-With --core: the package by pip alone, without ROS and without a compiler.
+With --core: the package as a wheel by pip alone, without ROS and without a compiler; its bag must be the checkout's.
 
 Run by hand or by a release job, as root (README.md beside it). Packages and commands are read from the README of
 the commit that is checked. Exit code 0: all commands passed; 1: one failed; 2: the check could not be made.
@@ -35,17 +35,25 @@ LOCAL_CERTIFICATES = "usr/local/share/ca-certificates"
 ACCESS = re.compile(r"PIP_\w+|(https?|all|no)_proxy|SSL_CERT_(FILE|DIR)|REQUESTS_CA_BUNDLE", re.IGNORECASE)
 
 
-# Without ROS and without a compiler: what the README says for an environment of one's own, and the verbs that it is for.
+# Without ROS and without a compiler: the built wheel in an environment of its own, the verbs that it is for, the bag that the
+# checkout's own environment makes too, and the time of the import.
 CORE_PACKAGES = ["python3", "python3-pip", "python3-venv", "git", "ca-certificates"]
+BIN = "/home/rig/core/bin"
+IMPORT_MOST_MS = 150
 CORE = [
     "python3 -m venv /home/rig/core",
-    "/home/rig/core/bin/pip install --quiet ./rig_nodes",
-    "/home/rig/core/bin/pip check",
-    "/home/rig/core/bin/rig simulate demo --out /home/rig/run",
-    "/home/rig/core/bin/rig bag hash /home/rig/run",
-    "/home/rig/core/bin/rig report /home/rig/run",
-    "/home/rig/core/bin/rig sweep demo --vary alfa46.t12='-220 ms, -100 ms' --out /home/rig/sweep",
-    "! /home/rig/core/bin/rig run demo",  # which says in a sentence that it takes ROS
+    BIN + "/pip wheel --quiet --no-deps --wheel-dir /home/rig/wheel ./rig_nodes",
+    BIN + "/pip install --quiet /home/rig/wheel/rig_nodes-*-py3-none-any.whl",
+    BIN + "/pip check",
+    BIN + "/rig simulate demo --out /home/rig/run",
+    BIN + "/rig report /home/rig/run",
+    BIN + "/rig sweep demo --vary alfa46.t12='-220 ms, -100 ms' --out /home/rig/sweep",
+    "! %s/rig run demo" % BIN,  # which says in a sentence that it takes ROS
+    BIN + "/python -X importtime -c 'import rig_nodes' 2>&1 | awk -F'|' 'BEGIN {slow = 1} / rig_nodes$/ "
+    '{print "import of rig_nodes:", $2 / 1000, "ms"; slow = $2 / 1000 > %d} END {exit slow}\'' % IMPORT_MOST_MS,
+    "./rig simulate demo --out /home/rig/checkout",
+    BIN + "/rig bag hash /home/rig/run /home/rig/checkout",
+    "test $(%s/rig bag hash /home/rig/run /home/rig/checkout | cut -d' ' -f1 | sort -u | wc -l) = 1" % BIN,
 ]
 TIMED = "./rig simulate demo"  # whose time from a fresh clone is looked at, beside that of the README's first command
 

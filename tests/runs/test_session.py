@@ -5,6 +5,9 @@
 
 import doctest
 import pickle
+import subprocess
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -129,6 +132,47 @@ def test_a_snapshot_of_something_else_is_refused_with_what_differs(config):
         Session(with_overrides(config, {"load_pump.displacement": "30 cm3/rev"})).restore(kept)
     with pytest.raises(RigError, match="the snapshot is of the rig 'hydmag', and this one is 'three_speed'"):
         Session(load_rig("three_speed")).restore(kept)
+    for version, said in (("2.0.0 (01ab)", r"2.0.0 \(01ab\)"), ("", "of an earlier version")):
+        with pytest.raises(RigError, match=f"^the snapshot is of rig_nodes {said}, and this is .*; make a new one$"):
+            Session(config).restore(replace(kept, rig=replace(kept.rig, version=version)))
+
+
+IN_ANOTHER_PROCESS = """\
+import pickle, sys
+import rig_nodes
+
+session = rig_nodes.load("hydmag").session()
+with open(sys.argv[1], "rb") as file:
+    session.restore(pickle.load(file))
+session.advance(0.4)
+print(session.time, session.rig.state_hash())
+"""
+
+
+def test_a_branch_in_another_process_is_the_run_that_was_not_interrupted(config, tmp_path):
+    session = begun(config)
+    (tmp_path / "kept").write_bytes(pickle.dumps(session.snapshot()))
+    command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(tmp_path / "kept")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    session.advance(0.4)
+    assert done.stdout.split() == [str(session.time), session.rig.state_hash()]
+
+
+def test_a_warning_is_an_event_of_the_branch_in_which_it_came():
+    session = Session(load_rig("hydmag", {"trips.overspeed_w0.limit": "1000 rpm"}))
+    start = session.snapshot()
+    session.set("motor", "1500 rpm")
+    session.advance(3.0)
+    (warned, name, text, _), (tripped, *_) = session.events
+    assert name == "rig_warning" and text.startswith("warning overspeed_w0: the speed of w0 is 9")
+    assert session.status == "tripped" and 0.0 < warned < tripped < session.time
+    session.restore(start)
+    session.set("motor", "1500 rpm")
+    session.rig.advance(warned)
+    assert len(session.rig.warnings) == 1  # which nobody has taken
+    session.restore(start)
+    session.advance(0.1)
+    assert session.events == []
 
 
 def test_a_session_that_plays_a_sequence_is_its_run(config):

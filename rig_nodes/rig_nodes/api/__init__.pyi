@@ -11,6 +11,7 @@ from .compared import Compared as Compared
 from .exported import exported as exported
 from .given import whole as whole
 from .opened import imported as imported, open as open
+from .paged import page_of as page_of
 from .procedures import procedure as procedure, procedure_series as procedure_series, run_series as run_series
 from .reran import Rerun as Rerun, rerun_into as rerun_into
 from .rig import Rig as Rig, load as load

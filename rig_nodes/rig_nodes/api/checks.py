@@ -9,6 +9,7 @@ Each failure is one message with what was measured, what was expected, when, and
 from __future__ import annotations
 
 import re
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,14 @@ if TYPE_CHECKING:
 
 SIGNS = {"<": "..{}", "<=": "..{}", ">": "{}..", ">=": "{}.."}  # how a limit's range is written (rig report --limit)
 MOST = 8  # events that a failure lists
+# names of the events that the rig sends; nodes and controllers of others may send more
+EVENTS = (
+    *("step", "sequence_done", "sequence_failed", "sequence_cancelled", "shift_ordered", "shift_done", "shift_refused"),
+    *("shift_aborted", "shift_withdrawn", "cancel_refused", "command_refused", "controller_failed", "controller_silent"),
+    *("setting_changed", "fault_ordered", "fault_on", "fault_off", "gear_was", "e_stop", "reset"),
+    *("rig_starting", "rig_ready", "rig_running", "rig_tripped", "rig_warning"),
+)
+ALIKE = 0.88  # share of letters from which on a name is one of these that was mistyped
 
 
 def assert_shift(run: Run, way: str, **limits: str) -> None:
@@ -135,6 +144,8 @@ def assert_never(run: Run, *unwanted: str) -> None:
     ------
     AssertionError
         When one of them came.
+    RigError
+        When a name is nearly that of an event, so that no run could ever fail.
 
     Examples
     --------
@@ -145,6 +156,9 @@ def assert_never(run: Run, *unwanted: str) -> None:
     came = [one for one in run.events if any(_is(one, wanted) for wanted in unwanted)]
     if came:
         raise AssertionError("\n".join(f"{one['name']} at {one['time']:.3f} s, which must not come: {one['text']}" for one in came))
+    for wanted in unwanted:
+        if "_" in wanted and wanted not in EVENTS and get_close_matches(wanted, EVENTS, 1, ALIKE):
+            raise RigError(unknown("event", wanted, EVENTS))
 
 
 def _is(event: dict, wanted: str) -> bool:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,7 +35,7 @@ def open(
     Parameters
     ----------
     path : str or Path
-        Folder of a run, a bag's .mcap file, or a logger's file (csv, parquet, mf4, dat, mat, xlsx, tdms).
+        Folder of a run, a bag of MCAP or sqlite3, or a logger's file (csv, parquet, mf4, dat, mat, xlsx, tdms).
     rig : Rig or str, optional
         The rig whose inertias, ratios and instrument errors hold for a logger's file; an exported run has its own.
     profile : str or Path, optional
@@ -47,7 +48,7 @@ def open(
     Returns
     -------
     Run
-        The run. That of a logger's file is temporary until it is saved.
+        The run. That of a logger's file or a bag of sqlite3 is temporary until it is saved.
 
     Raises
     ------
@@ -76,9 +77,14 @@ def open(
         raise RigError(f"{path}: {given[0]} is for loggers' files; a run has its own")
     with OpenedBags([path]) as bags:
         bags.check_began()
-        if any(file.suffix == ".db3" for file in bags.files):
-            raise RigError(f"{path}: {not_sqlite(Path(path))}")
-    return Run(Path(path))
+        if not any(".db3" in file.suffixes for file in bags.files):
+            return Run(Path(path))
+        if bags.damage:
+            raise RigError(f"{path}: {not_sqlite(Path(path))}")  # which says what cannot be read
+        with Temporary() as kept:
+            for number, piece in enumerate(bags.pieces):
+                shutil.copy(piece.path, kept.folder / f"run_{number}.mcap")
+    return Run(kept.folder, temporary=kept)
 
 
 def _imported(path: Path, rig: Rig | str | None, profile: str | Path | None, orders: str | None, period: str | None) -> Run:
@@ -94,7 +100,7 @@ def _imported(path: Path, rig: Rig | str | None, profile: str | Path | None, ord
         rig = rig_from(rig)
     found = read_measurement(path, read, rig.config.as_dict() if rig else None, "rig=" if rig else "", orders)
     if found is None:
-        raise RigError(f"{path}: its heads are no signals of the rig; give a profile, which ./rig import {quoted(path)} proposes")
+        raise RigError(f"{path}: its heads are no signals of the rig; give a profile, which rig import {quoted(path)} proposes")
     with Temporary() as kept:
         report = imported(found, kept.folder, path)
     return Run(kept.folder, report, kept)

@@ -9,6 +9,7 @@ pytest loads it by an entry point in every project of the environment, so it imp
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -26,13 +27,16 @@ T = TypeVar("T")
 # what can be chosen: the name in the marker, beside that of the option and of the ini file
 NAMES = {"name": "rig", "sequence": "rig_sequence", "seed": "rig_seed", "settings": "rig_set", "bag": "rig_bag"}
 HELP = {
-    "name": "rig of the fixtures rig and run: a name, a folder or a file",
+    "name": "rig of the fixtures: a name, a folder or a file",
     "sequence": "sequence of the fixture run (demo by default)",
     "seed": "seed of the fixture run (1 by default)",
     "settings": "NAME=VALUE, a setting of the rig; more than one is allowed",
-    "bag": "folder or bag of the fixture bag",
+    "bag": "folder, bag or logger's file of the fixture bag",
 }
-ONLY_MARKED = ("controller", "level", "parameters")  # of Rig.simulate
+OF_RUN = ("controller", "level", "delay", "parameters")  # of Rig.simulate, in the marker alone
+OF_FILE = ("profile", "orders", "period")  # of rig_nodes.open for a logger's file, in the marker alone
+MARKED = (*NAMES, *OF_RUN, *OF_FILE)
+FILES = ("name", "sequence", "profile")  # that may name a file
 RUNS = pytest.StashKey[dict]()
 
 
@@ -47,10 +51,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Name the marker, and keep the runs of the session."""
-    config.addinivalue_line(
-        "markers",
-        f"rig({', '.join(f'{name}=' for name in (*NAMES, *ONLY_MARKED))}): what the fixtures rig, run and bag are made of",
-    )
+    named = ", ".join(f"{name}=" for name in MARKED)
+    config.addinivalue_line("markers", f"rig({named}): what the fixtures rig, run and bag are made of")
     config.stash[RUNS] = {}
 
 
@@ -61,26 +63,48 @@ def _settings(texts: list[str]) -> dict[str, str]:
     return {name.strip(): value.strip() for name, _, value in pairs}
 
 
+def _marked(marker: pytest.Mark) -> dict[str, Any]:
+    """Return what a marker chooses."""
+    if len(marker.args) > 1 or (wrong := [name for name in marker.kwargs if name not in MARKED]):
+        what = f"has no {wrong[0]}" if len(marker.args) < 2 else "takes one name"
+        pytest.fail(f"the marker rig {what}; it takes {', '.join(MARKED)}", pytrace=False)
+    chosen = dict(zip(("name",), marker.args)) | marker.kwargs
+    if not isinstance(chosen.get("settings", {}), Mapping):
+        pytest.fail(f"settings is {chosen['settings']!r}, expected a dict of names and values", pytrace=False)
+    return chosen
+
+
+def _placed(key: str, value: Any, file: Path) -> Any:
+    """Return what was chosen; a file that it names is taken relative to the folder of the file in which it is chosen."""
+    from ..base import RIG_FILE, beside
+
+    if key == "bag":
+        return file.parent / value
+    if key not in FILES or not isinstance(value, str | Path):
+        return value
+    folder = file.parent / value
+    return str(folder) if key == "name" and (folder / RIG_FILE).is_file() else beside(file, value)
+
+
 def _chosen(request: pytest.FixtureRequest) -> dict[str, Any]:
-    """Return what was chosen: by the nearest marker, else on the command line, else in the ini file; settings add up."""
-    config, out = request.config, {}
-    base = config.inipath.parent if config.inipath else config.rootpath
-    for key, name in NAMES.items():
-        given, written = config.getoption(name), config.getini(name)
-        if key == "settings":
-            out[key] = {**_settings(written), **_settings(given or [])}
-        elif given or written:
-            out[key] = base / written if key == "bag" and not given else given or written
-    for marker in reversed(list(request.node.iter_markers("rig"))):
-        known = [*NAMES, *ONLY_MARKED]
-        if len(marker.args) > 1 or (wrong := [name for name in marker.kwargs if name not in known]):
-            what = f"has no {wrong[0]}" if len(marker.args) < 2 else "takes one name"
-            pytest.fail(f"the marker rig {what}; it takes {', '.join(known)}", pytrace=False)
-        marked = dict(zip(("name",), marker.args)) | marker.kwargs
-        if "bag" in marked:
-            marked["bag"] = request.path.parent / marked["bag"]
-        out |= marked | {"settings": {**out["settings"], **marked.get("settings", {})}}
-    return out
+    """Return what was chosen: by the nearest marker, else on the command line, else in the ini file.
+
+    Settings of all three add up where they are for the same rig: those beside another rig's name are left out.
+    """
+    config = request.config
+    lines = {key: (config.getini(name), config.getoption(name)) for key, name in NAMES.items()}
+    written, given = ({key: both[k] for key, both in lines.items() if both[k]} for k in (0, 1))
+    sources = [(config.inipath or config.rootpath / "ini", written), (config.invocation_params.dir / "command line", given)]
+    for _, one in sources:
+        one["settings"] = _settings(one.get("settings", []))
+    sources += [(request.path, _marked(marker)) for marker in reversed(list(request.node.iter_markers("rig")))]
+    out: dict[str, Any] = {}
+    settings = []  # with the rig for which they are, None where none was named yet
+    for file, one in sources:
+        out |= {key: _placed(key, value, file) for key, value in one.items() if key != "settings"}
+        settings.append((out.get("name"), one.get("settings", {})))
+    of_rig = [values for rig, values in settings if rig in (None, out.get("name"))]
+    return out | {"settings": {name: value for values in of_rig for name, value in values.items()}}
 
 
 def _made(make: Callable[[], T]) -> T:
@@ -105,7 +129,7 @@ def rig(request: pytest.FixtureRequest) -> rig_nodes.Rig:
 def run(request: pytest.FixtureRequest, rig: rig_nodes.Rig) -> rig_nodes.Run:
     """A simulated run of the rig; tests with the same choice share it."""
     chosen, runs = _chosen(request), request.config.stash[RUNS]
-    asked = {"sequence": chosen.get("sequence", "demo"), **{name: chosen[name] for name in ONLY_MARKED if name in chosen}}
+    asked = {"sequence": chosen.get("sequence", "demo"), **{name: chosen[name] for name in OF_RUN if name in chosen}}
     seed = str(chosen.get("seed", 1))
     if not re.fullmatch(r"-?\d+", seed):
         pytest.fail(f"seed is '{seed}', expected a whole number", pytrace=False)
@@ -123,4 +147,13 @@ def bag(request: pytest.FixtureRequest) -> rig_nodes.Run:
         pytest.fail(
             "no bag is named; give --rig-bag PATH, rig_bag = PATH in the ini file, or @pytest.mark.rig(bag=PATH)", pytrace=False
         )
-    return _made(lambda: rig_nodes.open(Path(chosen["bag"])))
+
+    def opened() -> rig_nodes.Run:
+        from ..bags import is_loggers_file
+
+        more = {name: chosen[name] for name in OF_FILE if name in chosen}
+        if "name" in chosen and is_loggers_file(str(chosen["bag"])):
+            more["rig"] = rig_nodes.load(chosen["name"], **chosen["settings"])
+        return rig_nodes.open(chosen["bag"], **more)
+
+    return _made(opened)

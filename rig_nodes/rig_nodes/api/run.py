@@ -32,10 +32,11 @@ from ..analysis import (
 )
 from ..bags import NO_REPORT, Rows, arrow_schema, arrow_table, on_one_clock, on_own_clocks, with_end
 from ..bags import Signals as Groups
-from ..base import RigError, brief, not_written, optional
+from ..base import RigError, atomic_write, brief, not_written, optional
 from .compared import Compared
 from .exported import Exported, exported
-from .given import chosen, path_of, seconds_of, texts
+from .given import chosen, path_of, product, seconds_of, texts
+from .paged import page_of
 from .signals import Signals
 from .table import GEARS, Table, column_unit
 from .temporary import Temporary
@@ -47,12 +48,14 @@ if TYPE_CHECKING:
     import pyarrow
     from matplotlib.figure import Figure
 
+    from ..rig import Transmission
     from .reran import Rerun
     from .rig import Rig
 
 MOST_ROWS = 1_000_000  # of a recording that is compared, 100 s at 10 kHz
 NO_GEARS = "no shifts: the rig has no gears"
 BESIDE = ("why", "undefined")  # keys of a shift in the report that hold no value
+PAGES = {".html": "page", ".pdf": "pdf"}  # endings of the page of a run, and its kind of file
 
 
 class Run:
@@ -120,16 +123,13 @@ class Run:
         Columns are named as in report.json, and `rig list metrics` describes them; printing shows the most asked for.
         """
         report = self.report
-        box, keys = shown_transmission(report), [key for key in metric_keys() if key not in BESIDE]
-        rows, units = [], {}
+        box, rows, units = shown_transmission(report), [], {}
         for row, verdict in zip(report["shifts"], verdicts_in(report)):
-            gears = {name: box.short(row[name]) for name in GEARS}
             loops = loop_columns(row)
             units |= {name: unit for name, (_, unit) in loops.items()}
             parts = {f"peak.{name}": value for name, value in (row.get("peak") or {}).items()}
-            metrics = {key: row.get(key) for key in keys} | {name: value for name, (value, _) in loops.items()}
-            rows.append({**metrics, **gears, "quality": (verdict or {}).get("grade"), **parts, **flat(row)})
-        names = dict.fromkeys(name for row in rows for name in row) or dict.fromkeys([*keys, "quality"])
+            rows.append(shift_cells(row, verdict, box) | {name: value for name, (value, _) in loops.items()} | parts | flat(row))
+        names = dict.fromkeys(name for row in rows for name in row) or dict.fromkeys([*_keys(), "quality"])
         ends = ("valid", "quality")
         order = ["from_gear", "to_gear", "t_order_s", *units, *(name for name in names if name not in ends), *ends]
         shown = [*order[: 3 + len(units)], *(one.key for one in named_metrics(SHORT)), *ends]
@@ -286,6 +286,26 @@ class Run:
         """
         self._check(signals, units)
         return exported(self.folder, path_of("file", file), list(signals or ()), period, units)
+
+    def page(self, file: str | Path) -> None:
+        """Write the page of the run, as `rig report --html` and `--pdf`.
+
+        Parameters
+        ----------
+        file : str or Path
+            The file: .html, one page that contains all it shows; or .pdf, which a Chromium or Chrome on the PATH prints.
+
+        Raises
+        ------
+        RigError
+            When the file has another ending, is somebody else's or cannot be written, or there is no browser for a .pdf.
+        """
+        if (kind := PAGES.get(path_of("file", file).suffix.lower())) is None:
+            raise RigError(f"{file}: the page of a run is a file that ends in {' or '.join(PAGES)}")
+        target, text = product("file", file, kind), page_of(gather(self.folder), self.report)
+        from ..view import pdf_of
+
+        atomic_write(target, pdf_of(text) if kind == "pdf" else text)
 
     def _check(self, names: Sequence[str] | None, units: str) -> None:
         """RigError for names that are no list or no signals, and for other units."""
@@ -454,3 +474,13 @@ class Run:
             pass  # without matplotlib there is no picture
         shifts = self.shifts._repr_html_() if self._gears else f"<p>{NO_GEARS}</p>"
         return f"<p>{escape(self._head)}</p>{shifts}{picture}"
+
+
+def shift_cells(row: Mapping[str, Any], verdict: Mapping[str, Any] | None, box: Transmission) -> dict[str, Any]:
+    """Return gears, metrics and quality of a shift by their columns in :attr:`Run.shifts`; None where there is none."""
+    gears = {name: box.short(row[name]) for name in GEARS}
+    return {key: row.get(key) for key in _keys()} | gears | {"quality": (verdict or {}).get("grade")}
+
+
+def _keys() -> list[str]:
+    return [key for key in metric_keys() if key not in BESIDE]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis import BEFORE, every_metric, shift_metrics
+from ..analysis import BEFORE, every_metric, quality_of, shift_metrics
 from ..bags import Recording
 from ..base import ROW, SAMPLE, RigError, brief, optional, unknown
 from ..controllers import load_controller
@@ -22,6 +22,7 @@ from ..plant import HIGH, LOW
 from ..runs import ORDER, Session, load_sequence
 from ..studies import BOUNDS, settings, values_of
 from .rig import Rig, load
+from .run import shift_cells
 from .table import GEARS
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ LOSS = "e_loss_j"
 FAILED = -10.0  # reward of the last step of a shift that a limit or a trip ends, or that is not valid
 STANDS = 1.0  # rad/s of the output, below which the drive is interrupted
 UNIT = 1e-3  # s and A of a number of a profile, which the box takes in whole ms and mA
+WORDS = (*GEARS, "quality", "valid")  # cells of a shift that are no numbers
 
 
 class ShiftEnv(gymnasium.Env):
@@ -263,7 +265,8 @@ class ShiftEnv(gymnasium.Env):
         truncated : bool
             Always False.
         info : dict
-            At the end ``metrics``, a row as of ``Run.shifts``, or ``reason``.
+            At the end ``metrics``, a row as of ``Run.shifts`` without what was not found and what only a recording shows; and
+            ``reason``, a sentence, where the shift was not made.
 
         Raises
         ------
@@ -293,9 +296,9 @@ class ShiftEnv(gymnasium.Env):
             return seen, reward, False, False, {}
         row = self._metrics()
         if not row["valid"]:
-            return seen, FAILED, True, False, {"reason": row["why"], "metrics": row}
+            return seen, FAILED, True, False, {"reason": "; ".join(row["why"]), "metrics": self._cells(row)}
         reward += sum(weight * (row[key] or 0.0) for key, weight in self._weights.items() if key != LOSS)
-        return seen, reward, True, False, {"metrics": row}
+        return seen, reward, True, False, {"metrics": self._cells(row)}
 
     def _command(self, values: list[float]) -> None:
         currents = [0.0] * self.config.structure.outputs
@@ -337,8 +340,12 @@ class ShiftEnv(gymnasium.Env):
         channels = {name: np.ascontiguousarray(rows[:, rig.channels.index(name)]) for name in box.channels}
         order = (self._ordered * SAMPLE, *self._gears)
         begin = first + 1 - len(self._before)
-        row = shift_metrics(Recording(begin * ROW, ROW, channels, [order], box), order)
-        return row | {name: box.short(row[name]) for name in GEARS}
+        return shift_metrics(Recording(begin * ROW, ROW, channels, [order], box), order)
+
+    def _cells(self, row: dict[str, Any]) -> dict[str, Any]:
+        """Return a shift as a row of ``Run.shifts`` without what has no value, of which a vector of environments keeps a mask."""
+        cells = shift_cells(row, quality_of(row, self.config.transmission), self.config.transmission)
+        return {key: one if key in WORDS else float(one) for key, one in cells.items() if one is not None}
 
 
 def _is_number(value: object) -> bool:

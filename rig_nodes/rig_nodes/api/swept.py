@@ -267,11 +267,11 @@ def _written(path: Path, steps: Any, rig: Rig) -> str:
     return str(path)
 
 
-def _figures(plan: Plan, rows: list[dict], box: Transmission) -> list[Description]:
-    """Describe the figures of a sweep's rows, whose gears are numbers and whose conditions are as they were varied."""
+def _figures(plan: Plan, rows: list[dict], box: Transmission, places: range) -> list[Description]:
+    """Describe the figures of the rows at some places of a sweep, whose gears are numbers and whose conditions are as varied."""
     from ..view import campaign_of_sweep, figures_of_campaign
 
-    found = campaign_of_sweep(plan, rows, box)
+    found = campaign_of_sweep(plan, [rows[place] for place in places], box)
     return figures_of_campaign(found) if found else []
 
 

@@ -33,7 +33,8 @@ class Table:
     """Rows of numbers and words under named columns.
 
     ``table["name"]`` is a column as an array (rows,): numbers in the column's unit, NaN where there is none, or words.
-    ``table[0]`` is a row as a dict, ``table[:3]`` a table, and iteration gives one row after the other.
+    ``table[0]`` is a row as a dict, ``table[:3]`` a table, and iteration gives one row after the other; ``name in table`` asks for
+    a column.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ class Table:
     shown : sequence of str, optional
         The columns that printing shows; all by default.
     figures : function, optional
-        figures() describes what :meth:`plot` draws; without it there is no figure.
+        figures(places) describes what :meth:`plot` draws of the rows at these places (range); without it there is no figure.
 
     Examples
     --------
@@ -64,11 +65,12 @@ class Table:
         units: Mapping[str, str],
         rows: Sequence[Mapping[str, Any]],
         shown: Sequence[str] | None = None,
-        figures: Callable[[], list[Description]] | None = None,
+        figures: Callable[[range], list[Description]] | None = None,
     ) -> None:
         self.units, self._figures = dict(units), figures
         self._shown = [name for name in units if shown is None or name in shown]
         self._rows = [{name: row.get(name) for name in self.units} for row in rows]
+        self._places = range(len(self._rows))  # among the rows that figures knows
 
     @property
     def columns(self) -> list[str]:
@@ -81,6 +83,9 @@ class Table:
     def __iter__(self) -> Iterator[dict[str, Any]]:
         return iter([dict(row) for row in self._rows])
 
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and name in self.units
+
     @overload
     def __getitem__(self, key: int) -> dict[str, Any]: ...
     @overload
@@ -89,7 +94,9 @@ class Table:
     def __getitem__(self, key: slice) -> Table: ...
     def __getitem__(self, key: int | str | slice) -> dict[str, Any] | np.ndarray | Table:
         if isinstance(key, slice):
-            return Table(self.units, self._rows[key], self._shown)
+            part = Table(self.units, self._rows[key], self._shown, self._figures)
+            part._places = self._places[key]
+            return part
         if not isinstance(key, str):
             if not isinstance(key, int | np.integer) or not -len(self) <= key < len(self):
                 raise RigError(f"there is no row {brief(key)}; the table has {len(self)} rows, the first is 0")
@@ -115,14 +122,26 @@ class Table:
         return frame
 
     def to_arrow(self) -> pyarrow.Table:
-        """Return the table as one of Arrow.
+        """Return the table as one of Arrow; a column's unit is in the metadata of its field.
 
         Raises
         ------
         RigError
             When pyarrow is not installed.
+
+        Examples
+        --------
+        >>> table = Table({"gear": "", "t_c_s": "s"}, [{"gear": "II", "t_c_s": 0.67}, {"gear": "I"}]).to_arrow()
+        >>> table["t_c_s"].to_pylist(), table.field("t_c_s").metadata
+        ([0.67, None], {b'unit': b's'})
         """
-        return optional("pyarrow").Table.from_pylist(self._rows)
+        pa, fields, columns = optional("pyarrow"), [], []
+        for name, unit in self.units.items():
+            cells = [row[name] for row in self._rows]
+            known = any(cell is not None for cell in cells)
+            columns.append(pa.array(cells, None if known or not unit else pa.float64()))
+            fields.append(pa.field(name, columns[-1].type, metadata={"unit": unit} if unit else None))
+        return pa.Table.from_arrays(columns, schema=pa.schema(fields))
 
     def plot(self, number: int = 1, dark: bool = False) -> Figure:
         """Draw the metrics of a sweep's shifts over what was varied, with a line for each further condition and the spread.
@@ -149,7 +168,7 @@ class Table:
         optional("matplotlib")
         from ..view import draw_figure
 
-        drawn = self._figures()
+        drawn = self._figures(self._places)
         number = chosen("figure", number, len(drawn), "the sweep") + 1
         return draw_figure(drawn[number - 1], dark)
 

@@ -115,20 +115,6 @@ def _show(report: dict, as_json: bool) -> None:
     print("\n".join([format_report(report), *map(printable, limit_lines(report.get("limits", ())))]), flush=True)
 
 
-def _page_of_bag(path: str, bag: Gathered, report: dict, warnings: list[str]) -> str:
-    from ..bags import canonical_hash, rig_record
-    from ..rig import CHANGED, changed_settings
-    from ..view import Facts, Pages, figures_of_run, figures_of_shifts, report_page
-
-    record = rig_record(report["run"].get("configuration") or bag.record, bag.types)
-    settings, note = changed_settings(record)
-    changes = [(t, text) for t, _, name, text, _ in bag.events() if name == CHANGED]
-    source = [("bag", bag.path.name), ("canonical hash", canonical_hash(path, recover=True)["all"])]
-    facts = Facts(source, True, settings, note, changes, warnings)
-    pages, span = Pages(record), (0.0, bag.last / 1e9)
-    return report_page(report, facts, figures_of_shifts(path, report, pages, span), figures_of_run(report, pages, path, span))
-
-
 def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) -> int:
     bag = gather(args.run, annex_a=annex, recover=True)
     bag.check_began()
@@ -160,7 +146,13 @@ def _of_bag(args: argparse.Namespace, annex: float | None, limits: list[Limit]) 
     lost = what_was_lost(run)
     if not bag.recovered and lost:
         print(f"rig: not whole: {lost}", file=sys.stderr)
-    write_pages(args, lambda: _page_of_bag(args.run, bag, report, [f"Not whole: {lost}."] if lost else []))
+
+    def page() -> str:
+        from ..api import page_of
+
+        return page_of(bag, report, [f"Not whole: {lost}."] if lost else [])
+
+    write_pages(args, page)
     if args.picture is not None:
         _draw(args, report)
     if faults:

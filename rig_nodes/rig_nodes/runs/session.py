@@ -11,6 +11,7 @@ from __future__ import annotations
 import html
 from contextlib import suppress
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from .recorded import Listener, played, signals_of
 from .rig import Rig
 from .sequence import Sequence
 from .simulation import LocalBench, advance_with, rig_for, runner_on
+from .trips import WARNING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence as Values
@@ -79,7 +81,7 @@ class Session:
     rig : Rig
         The rig itself.
     events : list of (float, str, str, float)
-        Time [s], name, text and value of each event: orders, changed settings, trips, steps of sequences.
+        Time [s], name, text and value of each event: orders, changed settings, warnings, trips, faults, steps of sequences.
 
     Raises
     ------
@@ -177,12 +179,16 @@ class Session:
             else:
                 self._give(*self._command)
                 rig.advance_samples(min(end - rig.sample, REPEATED))
+            self._note_news()
             self._note_trip()
-            self._note_faults()
 
-    def _note_faults(self) -> None:
+    def _note_news(self) -> None:
+        """Keep what the rig has said since the last time: warnings of trips, beginnings and ends of faults."""
+        news = [(stamp / 1e9, WARNING, sentence, value) for stamp, sentence, value in self.rig.warnings]
+        self.rig.warnings.clear()
         if self.rig.faults is not None:
-            self.events += [(one.sample * SAMPLE, one.name, one.text, one.value) for one in self.rig.faults.take_news()]
+            news += [(one.sample * SAMPLE, one.name, one.text, one.value) for one in self.rig.faults.take_news()]
+        self.events += sorted(news, key=itemgetter(0))
 
     def _note_trip(self) -> None:
         if self.rig.safe and not self._tripped:
@@ -214,7 +220,7 @@ class Session:
         runner = runner_on(self.rig, listener, self.rig.config, sequence, self._plug)
         listener.advance(TICK_SAMPLES - self.rig.sample % TICK_SAMPLES)
         for _ in played(self.rig, listener, runner):
-            self._note_faults()
+            self._note_news()
             if orders is not None and len(listener.orders) >= orders:
                 return
         self._note_trip()
@@ -285,7 +291,7 @@ class Session:
         keys = {"lasts": "for"}
         given = [f"{keys.get(key, key)}={str(value).lower() if isinstance(value, bool) else value}" for key, value in how.items()]
         self.rig.order_fault(", ".join([name, *given]))
-        self._note_faults()
+        self._note_news()
 
     def _set_device(self, step: str, value: float | str | None) -> None:
         rig, setting = self.rig, self.rig.settings.steps[step]
@@ -401,6 +407,7 @@ class Session:
             With a plugged controller, whose state is its own.
         """
         self._check_kept()
+        self._note_news()
         self._note_trip()
         return SessionSnapshot(self.time, self.rig.snapshot(), (self._command, self._gear), tuple(self.events))
 
@@ -417,7 +424,7 @@ class Session:
         Raises
         ------
         RigError
-            When the snapshot is of another configuration or seed, or with a plugged controller.
+            When the snapshot is of another configuration, seed or version of rig_nodes, or with a plugged controller.
         """
         self._check_kept()
         if not isinstance(snapshot, SessionSnapshot):

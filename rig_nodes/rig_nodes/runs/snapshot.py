@@ -6,14 +6,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from ..base import RigError
+from .. import __version__
+from ..base import RigError, sources_key
 
 if TYPE_CHECKING:
     import numpy as np
 
     from ..rig import RigConfig
+
+
+@cache
+def physics() -> str:
+    """Return the version of rig_nodes with the key of its compiled sources: a state goes on only in the physics that made it."""
+    return f"{__version__} ({sources_key()})"
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,8 @@ class Snapshot:
         What the cuts give of themselves.
     faults : tuple
         The orders of faults that are not over.
+    version : str
+        As of :func:`physics`; empty in a snapshot of a version that did not keep it.
     """
 
     first: RigConfig = field(repr=False)
@@ -49,6 +59,7 @@ class Snapshot:
     noise: tuple[bool, int] = field(repr=False)
     cuts: tuple = field(repr=False)
     faults: tuple = field(repr=False, default=())
+    version: str = field(repr=False, default="")
 
     def check_fits(self, first: RigConfig, made: dict[str, Any]) -> None:
         """Check that a rig can go on from here.
@@ -63,8 +74,13 @@ class Snapshot:
         Raises
         ------
         RigError
-            When the rig was made from something else; the sentence names the first difference.
+            When the rig was made from something else or by another version; the sentence names the first difference.
         """
+        if self.version != physics():
+            raise RigError(
+                f"the snapshot is of rig_nodes {self.version or 'of an earlier version'}, and this is {physics()}, which "
+                "cannot go on with it; make a new one"
+            )
         for name, value in made.items():
             if self.made[name] != value:
                 raise RigError(f"the snapshot is of a run with {name} {self.made[name]}, and this one has {name} {value}")
