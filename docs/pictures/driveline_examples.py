@@ -17,6 +17,7 @@ from rig_nodes.view import Description, Line, chart, write_charts
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "how_to" / "driveline_examples.md"
 POINTS = 500  # of a line, about
+QUANTITIES = {"rad/s": "speed", "Nm": "torque", "kJ": "energy"}  # by the unit behind a line's name
 
 
 def examples() -> list[tuple[str, str, str]]:
@@ -42,14 +43,16 @@ def left_by(code: str) -> dict:
 
 
 def picture(title: str, names: dict) -> Description:
-    """What an example's `lines` and `over` look like."""
+    """What an example's `lines` and `over` look like; a unit that all lines share is at the axis instead of behind their names."""
     x_name, x = names["over"]
     every = max(1, len(x) // POINTS)
+    units = dict.fromkeys(name.partition(" [")[2].removesuffix("]") for name in names["lines"])
+    up = ", ".join(f"{QUANTITIES[unit.rpartition(' ')[2]]} [{unit}]" if unit else "amplitude, the largest 1" for unit in units)
     series = [
-        Line(name, np.round(x[::every], 6).tolist(), np.round(y[::every], 6).tolist(), marks=False)
+        Line(name if len(units) > 1 else name.partition(" [")[0], np.round(x[::every], 6), np.round(y[::every], 6), marks=False)
         for name, y in names["lines"].items()
     ]
-    return chart(title, x_name, "", series)
+    return chart(title, x_name, up, series)
 
 
 if __name__ == "__main__":

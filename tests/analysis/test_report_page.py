@@ -15,11 +15,14 @@ from pathlib import Path
 import pytest
 
 from rig_nodes.analysis import phases_of
+from rig_nodes.bags import rig_record
 from rig_nodes.base import KINDS
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.view import pdf
+from rig_nodes.view.document import report_document, run_document
 from rig_nodes.view.page import page, words
+from rig_nodes.view.page_of_report import Facts, report_page
 from rig_nodes.view.palette import DARK, LIGHT, ON_GRADE
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
@@ -99,6 +102,37 @@ def test_each_shift_has_its_metrics_with_errors_verdicts_phases_and_times(text, 
     assert [one["verdict"] for one in report["limits"]] and "<h2>Limits</h2>" in text
     assert all(f'class="{one["grade"]}"' in text for one in report["quality"] if one)
     assert all(one in text for one in ("messages lost", "version of rig_nodes", "canonical hash", "SHA-256", "All settings are"))
+
+
+def test_the_phases_of_the_page_lie_where_the_report_has_them(text, written):
+    rows = json.loads((written / "report.json").read_text())["shifts"]
+    drawings = [one for one in re.findall(r'<figure class="wide".*?</figure>', text, re.DOTALL) if "order to lock-up" in one]
+    assert len(drawings) == len(rows)
+    for row, drawing in zip(rows, drawings):
+        ends = {}
+        for kind in ("fill", "torque-phase", "inertia-phase", "settling"):
+            path = re.search(rf'<path d="([^"]*)"[^>]*style="fill: var\(--{kind}\)', drawing)[1]
+            x = [float(one) for one in re.findall(r"[ML] (-?[\d.]+)", path)]
+            ends[kind] = min(x), max(x)
+        zero, settled = ends["fill"][0], ends["settling"][1]
+        scale = 1e3 * (row["t_c_s"] + row["t_o_s"]) / (settled - zero)
+        expected = {"fill": row["kiss_s"], "torque-phase": row["departure_s"], "inertia-phase": row["t_c_s"]}
+        for kind, end in expected.items():
+            assert scale * (ends[kind][1] - zero) == pytest.approx(1e3 * end, abs=1.0), kind
+
+
+@pytest.mark.parametrize(
+    "beside", [{"lateness_ms": 5}, {"lateness_ms": {"p50": "slow"}}, {"recorded_from_s": "late"}, {"parent": 7}]
+)
+def test_pages_tell_of_a_report_that_others_have_written_what_they_can(beside, written):
+    report = json.loads((written / "report.json").read_text())
+    report["run"] |= beside
+    for made in (
+        report_page(report, Facts(), [], []),
+        report_document(report, []),
+        run_document(report, rig_record(report["run"]["configuration"]), [], []),
+    ):
+        assert "sample" in made and "lateness" not in made and "recorded from" not in made
 
 
 def test_a_folder_of_runs_has_a_table_and_its_spread(written, tmp_path, capsys):

@@ -17,6 +17,7 @@ import rig_nodes
 from rig_nodes.analysis import asked_of_input, bounds_of, moments_of, phases_of, quality_of, read_report, shown_transmission
 from rig_nodes.cli.main import main
 from rig_nodes.view import Pages, figure_of_shift
+from rig_nodes.view.figure import SOLID
 
 from ..labels import hidden, struck
 
@@ -55,6 +56,16 @@ def test_marked_extremes_and_phases_are_those_of_the_report(runs, case):
     assert low.y == pytest.approx(row["input_torque_low_nm"], abs=0.05) == pytest.approx(curve.y[course].min(), abs=0.05)
     for ring in (high, low):
         assert np.interp(ring.t, curve.t, curve.y) == pytest.approx(ring.y, abs=0.2)
+    for panel in of.panels:
+        for ring in panel.rings:
+            on = [abs(float(np.interp(ring.t, one.t, one.y)) - ring.y) for one in panel.curves if one.colour == ring.colour]
+            assert min(on) < 0.002 * max(abs(ring.y), 1.0), ring.text
+    rings = {panel.title: panel.rings for panel in of.panels}
+    assert rings["speed"][0].y == pytest.approx(row["output_speed_low_rpm"], abs=0.5)
+    for ring in rings["pressure"]:
+        curve = next(one for one in of.panels[0].curves if one.signal == ring.text.split()[0] and one.style == SOLID)
+        assert ring.y == curve.y[(curve.t >= 0.0) & (curve.t <= 1e3 * (row["t_c_s"] + row["t_o_s"]))].max()
+    assert bool(rings["pressure"]) == (case != "three gears"), "p2 overshoots"
     found = {one.kind: (one.start, one.end) for one in of.stretches}
     assert found["fill"] == pytest.approx((0.0, 1e3 * row["kiss_s"]), abs=1.0)
     start = 1e3 * (row["departure_s"] + (row["interrupted_s"] or 0.0))
@@ -153,18 +164,44 @@ def test_the_numbers_at_the_foot_are_the_table_with_its_limits(runs):
     assert number.name == "t_p with interruption" and float(number.value.split()[0]) == pytest.approx(both, abs=1.0)
 
 
-def test_a_limit_of_the_users_own_is_at_the_foot(tmp_path, runs):
+def test_the_users_own_limits_are_those_of_the_figure(tmp_path, runs):
     run = runs("good")
     folder = shutil.copytree(run.folder, tmp_path / "run")
     code = (
         "import sys; from rig_nodes.cli.main import main; main(sys.argv[1:]); print('matplotlib' in sys.modules, file=sys.stderr)"
     )
-    limits = ["--limit", "I-II:t_c=.. 600 ms", "--limit", "overlap=-50 ms ..", "--json"]
-    done = subprocess.run([sys.executable, "-c", code, "report", folder, *limits], capture_output=True, text=True, check=True)
+    limits = ("I-II:t_c=.. 600 ms", "t_o=.. 400 ms", "overlap=-50 ms ..", "input_torque_high_nm=100 Nm .. 200 Nm")
+    command = [sys.executable, "-c", code, "report", folder, "--json", *(part for one in limits for part in ("--limit", one))]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stderr == "False\n"  # what draws nothing loads no matplotlib
-    of = figure_of_shift(json.loads(done.stdout), 1, Pages(run.record), run.signals, run.signals.span)
+    report = json.loads(done.stdout)
+    row, first = report["shifts"][0], report["limits"][0]
+    report["limits"].append(first | {"key": "e_loss_j", "low": None, "high": 100.0, "value": None, "verdict": "not found"})
+    row["e_loss_j"] = None
+    of = figure_of_shift(report, 1, Pages(run.record), run.signals, run.signals.span)
     found = {one.key: (one.limit, one.met) for one in of.numbers}
-    assert found["t_c_s"] == ("≤ 600", False) and found["overlap_s"] == ("≥ -50", None) and found["t_o_s"] == ("", None)
+    assert found["t_c_s"] == ("≤ 600", False) and found["overlap_s"] == ("≥ -50", None) and found["t_o_s"] == ("≤ 400", True)
+    assert found["input_torque_high_nm"] == ("≥ 100 and ≤ 200", False) and found["e_loss_j"] == ("≤ 100", False)
+    lines = {one.text: one.t for one in of.moments if one.limit}
+    assert lines == {"t_c ≤ 600 ms": pytest.approx(600.0), "t_o ≤ 400 ms": pytest.approx(1e3 * row["t_c_s"] + 400.0)}
+    torque = next(panel for panel in of.panels if panel.title == "shaft torque")
+    low = bounds_of(row, shown_transmission(report))["input_torque_low_nm"][0]
+    assert [one.y for one in torque.levels if one.limit] == pytest.approx([100.0, 200.0, low])
+    missed = "order to lock-up t_c, input torque, highest, energy lost"
+    assert f"Outside the limits that were given: {missed}." in of.sentence and "kept within" not in of.sentence
+
+
+def test_a_good_shift_claims_only_what_was_judged(runs):
+    run = runs("good")
+    report = json.loads(json.dumps(run.report))
+    report["quality"][0] = {"grade": "good", "peak_ratio": None, "reasons": []}
+
+    def said():
+        return figure_of_shift(report, 1, Pages(run.record), {}, run.signals.span).sentence
+
+    assert said().startswith("Gear II was reached after 672 ms, and torque and speed kept within the limits.")
+    report["shifts"][0]["in_gear"] = False  # then neither torque nor speed is judged
+    assert said().startswith("Gear II was reached after 672 ms. ")
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -5,6 +5,7 @@
 
 import itertools
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from rig_nodes.api.table import Table
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.view import draw, draw_figure, figures_of_campaign, read_campaign
+from rig_nodes.view import campaign_of_sweep, draw, draw_figure, figures_of_campaign, read_campaign
+from rig_nodes.view.campaign import Campaign, conditions_of
 from rig_nodes.view.figure import POINTS, SOLID
 
 from ..labels import hidden
@@ -57,7 +59,7 @@ def test_the_conditions_of_a_campaign_are_what_the_series_of_its_procedure_vary(
         series.append({"label": f"{t12}", "conditions": conditions, "units": {"t12": "s", "n_wej": "rad/s"}, "runs": [f"{t12}"]})
     write_procedure(tmp_path, {"procedure": "x"}, series, [Member(one["label"], one["label"], []) for one in series])
     found = read_campaign(tmp_path)
-    assert found.conditions == {"t12": ("s", pytest.approx([-0.12, -0.22]))}
+    assert found.conditions == {"t12": ("s", pytest.approx([-0.12, -0.22]), ())}
     assert [row["t_c_s"] for row in found.rows] == pytest.approx([0.62, 0.72])
 
 
@@ -68,7 +70,7 @@ def test_drawn_values_of_a_sweep_keep_their_unit(tmp_path):
         write_report(
             tmp_path / name, {"run": {"configuration": load_rig("hydmag").as_dict(), "parameters": {"t12": t12}}, "shifts": [row]}
         )
-    assert read_campaign(tmp_path).conditions == {"t12": ("ms", [-162.2041, -246.3962])}
+    assert read_campaign(tmp_path).conditions == {"t12": ("ms", [-162.2041, -246.3962], ())}
 
 
 def test_a_metric_is_drawn_over_each_condition_with_a_line_for_each_value_of_the_other(tmp_path):
@@ -81,6 +83,41 @@ def test_a_metric_is_drawn_over_each_condition_with_a_line_for_each_value_of_the
     points = np.concatenate([one.y for one in panels["t_c"].curves if one.style == POINTS and one.column == 0])
     assert sorted(points) == pytest.approx([540.0, 580.0, 590.0, 620.0, 630.0, 670.0]), "every run of the table is a point"
     assert all((low <= one.y).all() and (one.y <= high).all() for one in lines for low, high in [one.band])
+
+
+def test_what_was_varied_keeps_lines_apart_also_a_fourth_condition_words_and_faults(tmp_path):
+    """The time grows with each condition, so that a line of means has a spread only where it mixes values of another one."""
+    box, varied = load_rig("hydmag").transmission, list(itertools.product((1000, 1500), (40, 80), (30, 90), ("cubic", "linear")))
+    given = [{"speed": f"{n} rpm", "load": f"{load} Nm", "oil": f"{oil} degC", "law": law} for n, load, oil, law in varied]
+    rows = [
+        {"from_gear": 1, "to_gear": 2, "t_c_s": 1e-4 * n + 1e-3 * load + 1e-2 * oil + 0.1 * (law == "linear")}
+        for n, load, oil, law in varied
+    ]
+    (figure,) = figures_of_campaign(Campaign("grid", conditions_of(given), rows, box))
+    assert [one.title for one in figure.columns] == ["speed [rpm]", "load [Nm]", "oil [degC]"]
+    assert figure.conditions == "16 shifts; points are runs, lines their means, and the bands their spread. Varied too: law."
+    lines = [one for panel in figure.panels for one in panel.curves if one.style == SOLID and one.column == 0]
+    assert len(lines) == 8 and all((one.band[0] == one.band[1]).all() for one in lines)
+    assert {"40 Nm, 30 degC, cubic", "80 Nm, 90 degC, linear"} <= {one.text for one in lines}
+    folder = campaign(tmp_path / "grid")
+    ill = json.loads((folder / "series-0" / "report.json").read_text())
+    ill["run"]["faults"] = [{"name": "leak", "text": "leak: 1", "size": 1.0, "from_s": 0.5, "to_s": None}]
+    write_report(folder / "series-0", ill)
+    found = read_campaign(folder)
+    assert found.conditions["faults"].words == ("leak", "no fault")
+    (first, _) = figures_of_campaign(found)
+    assert first.columns[2].names == ("leak", "no fault") and "40 Nm, leak" in {one.text for one in first.panels[0].curves}
+
+
+def test_seeds_of_a_sweep_are_the_spread():
+    plan = SimpleNamespace(name="x", varied=[SimpleNamespace(name=name, of=name, unit="") for name in ("seed", "t12")])
+    rows = [
+        {"from_gear": 1, "to_gear": 2, "seed": seed, "t12": t12, "t_c_s": 0.1 * (seed + t12)} for seed in (1, 2) for t12 in (5, 6)
+    ]
+    found = campaign_of_sweep(plan, rows, load_rig("hydmag").transmission)
+    (figure,) = figures_of_campaign(found)
+    (line,) = (one for one in figure.panels[0].curves if one.style == SOLID)
+    assert list(found.conditions) == ["t12"] and line.band[1] - line.band[0] == pytest.approx([100.0, 100.0])
 
 
 def test_each_axis_of_a_campaign_has_four_numbers_no_two_lines_look_alike_and_labels_hide_nothing(tmp_path):

@@ -1,21 +1,38 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The figures of whole runs: they hold every extreme of the report, and answer the rig's question first."""
+"""The figures of whole runs and of comparisons: they hold every extreme of the report, and answer the rig's question first."""
+
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import rig_nodes
-from rig_nodes.view import Pages, draw_figure, figure_of_shift, figures_of_compare, figures_of_run
+from rig_nodes.rigs.hydmag.laboratory import time_courses
+from rig_nodes.view import Pages, draw_figure, figure_of_shift, figures_of_compare, figures_of_run, write_compare_file
+from rig_nodes.view.page_of_report import compare_page
+from rig_nodes.view.recorded import derivative
 
 from ..labels import hidden, struck
 
-RIGS = {"hydmag": "demo", "ural2": "demo", "cylinder_bench": "cylinder_bench"}
-OTHERS = dict.fromkeys(
-    ("chain_saw", "chapter9", "frame_saw", "hydmag_coupling", "hydmag_engine", "hydmag_hydrostatic", "three_speed"), "demo"
+RIGS = dict.fromkeys(
+    (
+        "hydmag",
+        "ural2",
+        "chain_saw",
+        "chapter9",
+        "frame_saw",
+        "hydmag_coupling",
+        "hydmag_engine",
+        "hydmag_hydrostatic",
+        "three_speed",
+    ),
+    "demo",
 )
-OTHERS |= {rig: rig for rig in ("clutch_bench", "spring_bench")}
+RIGS |= {rig: rig for rig in ("cylinder_bench", "clutch_bench", "spring_bench")}
+ON_A_PHONE = "hydmag", "ural2", "cylinder_bench"
 NO_PLACE = {  # oscillating torques fill their plot; the three strokes of the springs lie within 20 pixels
     "chain_saw": ["shoe_clutch_torque"],
     "ural2": ["shoe_clutch_torque"],
@@ -30,23 +47,37 @@ def drawn():
 
     def of(rig):
         if rig not in made:
-            run = rig_nodes.load(rig).simulate((RIGS | OTHERS)[rig], seed=1)
+            run = rig_nodes.load(rig).simulate(RIGS[rig], seed=1)
             made[rig] = run, figures_of_run(run.report, Pages(run.record), run.folder, run.signals.span)
         return made[rig]
 
     return of
 
 
+@pytest.fixture(scope="module")
+def compared(drawn):
+    """Two runs, the second with another delay, and their comparison."""
+    run, _ = drawn("hydmag")
+    other = rig_nodes.load("hydmag", **{"alfa46.t12": "-150 ms"}).simulate("demo", seed=2)
+    return run, other, run.compare(other)
+
+
 @pytest.mark.parametrize("rig", RIGS)
 def test_a_figure_shows_the_extremes_of_all_its_signals(drawn, rig):
     run, figures = drawn(rig)
-    pages = Pages(run.record)
+    pages, count = Pages(run.record), 0
     for figure in figures:
-        for curve in (one for panel in figure.panels for one in panel.curves if one.signal in run.signals):
-            if curve.column == 0 and not curve.text.startswith("d"):
-                values = pages.signal(curve.signal).shown(np.asarray(run.signals[curve.signal]))
-                low, high = curve.band or (curve.y, curve.y)
-                assert (low.min(), high.max()) == pytest.approx((np.nanmin(values), np.nanmax(values))), curve.signal
+        for curve in (one for panel in figure.panels for one in panel.curves if one.column == 0):
+            source = pages.rates[curve.signal][1] if curve.signal in pages.rates else curve.signal
+            if source not in run.signals:
+                continue  # the heat of a clutch
+            values = np.asarray(run.signals[source])
+            if curve.signal in pages.rates:
+                _, values = derivative(np.asarray(run.signals[source].time), values)
+            values, count = pages.signal(curve.signal).shown(values), count + 1
+            low, high = curve.band or (curve.y, curve.y)
+            assert (low.min(), high.max()) == pytest.approx((np.nanmin(values), np.nanmax(values))), curve.signal
+    assert count > 1
 
 
 def test_the_table_of_a_rig_without_shifts_has_the_extremes_of_the_curves(drawn):
@@ -59,24 +90,23 @@ def test_the_table_of_a_rig_without_shifts_has_the_extremes_of_the_curves(drawn)
 
 
 @pytest.mark.parametrize("rig", RIGS)
-def test_no_two_curves_look_alike_each_axis_has_four_numbers_and_labels_hide_nothing(drawn, rig):
-    for figure in drawn(rig)[1]:
+def test_no_two_curves_look_alike_each_axis_has_four_numbers_and_labels_are_free(drawn, rig):
+    run, figures = drawn(rig)
+    pages, shifts, crossed = Pages(run.record), range(1, len(run.report["shifts"]) + 1), []
+    of_shifts = [figure_of_shift(run.report, shift, pages, run.signals, run.signals.span) for shift in shifts]
+    for figure in (*of_shifts, *figures):
         for panel in figure.panels:
             looks = [(one.colour, one.style, one.column) for one in panel.curves]
             assert len(set(looks)) == len(looks), panel.title
         picture = draw_figure(figure)
-        assert hidden(picture) == hidden(draw_figure(figure, width=370)) == []
+        assert hidden(picture) == []
+        crossed += struck(picture)
         for axes in picture.axes:
             for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
                 assert sum(low <= one <= high for one in axis.get_majorticklocs()) >= 4
-
-
-@pytest.mark.parametrize("rig", RIGS | OTHERS)
-def test_no_curve_or_line_strikes_a_label_through_where_a_place_is_free(drawn, rig):
-    run, figures = drawn(rig)
-    pages, shifts = Pages(run.record), range(1, len(run.report["shifts"]) + 1)
-    figures = [*(figure_of_shift(run.report, shift, pages, run.signals, run.signals.span) for shift in shifts), *figures]
-    assert [one for figure in figures for one in struck(draw_figure(figure))] == NO_PLACE.get(rig, [])
+    assert crossed == NO_PLACE.get(rig, []), "where a place is free"
+    for figure in figures if rig in ON_A_PHONE else ():
+        assert hidden(draw_figure(figure, width=370)) == []
 
 
 def test_a_saw_opens_on_its_own_page_with_three_turns_beside_the_run(drawn):
@@ -108,11 +138,25 @@ def test_a_bench_shows_its_result_with_the_line_through_it(drawn):
     assert "constant: " in drawn("cylinder_bench")[1][1].conditions, "what stands still is said in words"
 
 
-def test_recordings_are_drawn_from_their_own_orders_with_their_differences(drawn):
-    run, _ = drawn("hydmag")
-    other = rig_nodes.load("hydmag", **{"alfa46.t12": "-150 ms"}).simulate("demo", seed=2)
-    compared = run.compare(other)
-    first, second = figures_of_compare(compared.found, Pages(run.record))
+def test_a_fault_is_named_where_it_begins_and_ends_and_no_name_lies_over_another(drawn):
+    run, (*_, figure) = drawn("spring_bench")
+    first, last = figure.columns[0].first, figure.columns[0].last
+    faults = [{"name": "clogged filter", "from_s": at, "to_s": end} for at, end in ((first, 0.5 * last), (0.98 * last, None))]
+    report = {**run.report, "run": {**run.report["run"], "faults": faults}}
+    figure = figures_of_run(report, Pages(run.record), run.folder, run.signals.span)[-1]
+    assert [(one.t, one.sign) for one in figure.moments] == [
+        (first, "clogged filter"),
+        (0.5 * last, "clogged filter ends"),
+        (0.98 * last, "clogged filter"),
+    ]
+    crowded = replace(figure, moments=(*figure.moments, *(replace(figure.moments[0], t=at) for at in (0.01 * last, 0.52 * last))))
+    for width in (1100, 370):
+        assert hidden(draw_figure(crowded, width=width)) == []
+
+
+def test_recordings_are_drawn_from_their_own_orders_with_their_differences(compared):
+    run, other, found = compared
+    first, second = figures_of_compare(found.found, Pages(run.record))
     assert "I → II" in first.title and "II → I" in second.title
     over, apart = (next(one for one in first.panels if one.title == title) for title in ("Shaft torque", "less the first"))
     high = [one.y.max() for one in over.curves if one.signal == run.report["basis"].get("input", "M_wej")]
@@ -124,4 +168,44 @@ def test_recordings_are_drawn_from_their_own_orders_with_their_differences(drawn
         assert len(set(looks)) == len(looks)
     assert hidden(draw_figure(first)) == hidden(draw_figure(second)) == []
     with pytest.raises(rig_nodes.RigError, match="there is no shift 3; the first recording has 2 shifts"):
-        compared.plot(3)
+        found.plot(3)
+
+
+def test_the_page_of_a_comparison_says_which_shifts_it_does_not_draw(compared, monkeypatch):
+    run, _, found = compared
+    monkeypatch.setattr("rig_nodes.view.page_of_report.MOST", 1)
+    text = compare_page(found.found, Pages(run.record))
+    assert "Figures of the first 1 of 2 shifts." in text and text.count("<svg") == 2
+
+
+def test_the_file_for_rerun_has_the_figures_with_their_marks_phases_and_colours(compared, tmp_path, read_rrd):
+    run, _, found = compared
+    pages, row = Pages(run.record), run.report["shifts"][0]
+    write_compare_file(found.found, pages, tmp_path / "compared.rrd")
+    rrd = read_rrd(tmp_path / "compared.rrd")
+    figure = figures_of_compare(found.found, pages)[0]
+    place = next(n for n, panel in enumerate(figure.panels) if panel.title == "Shaft torque")
+    curves = figure.panels[place].curves
+    for k, curve in enumerate(curves):
+        times, values = rrd.rows(f"/figure_0/{place}/{k}", "Scalars:scalars")
+        np.testing.assert_allclose(values, curve.y[np.isfinite(curve.y)])
+        assert times[0] == pytest.approx(1e6 * curve.t[np.isfinite(curve.y)][0], abs=2.0), "ns after the order"
+    names = [rrd.data[f"/figure_0/{place}/{k}"]["SeriesLines:names"][0] for k in range(len(curves))]
+    assert len(set(names)) == len(names) == 4 and not any("/" in name for name in names), "short names"
+    (colour,) = {rrd.data[f"/figure_0/{place}/{k}"]["SeriesLines:colors"][0] >> 8 for k in (0,)}
+    assert colour == int.from_bytes(bytes(pages.colour(curves[0].signal)), "big"), "that of the signal"
+    marks, _ = rrd.rows(f"/figure_0/{place}/marks", "Scalars:scalars")
+    np.testing.assert_allclose(np.unique(marks[1:]), [1e6 * one.t for one in figure.moments], atol=2.0)
+    labels = " ".join(rrd.data["/figure_0/phases"]["StateConfiguration:labels"])
+    assert f"fill {1e3 * row['kiss_s']:.0f} ms" in labels
+    assert {"Shaft torque [Nm]", "less the first [Nm]"} <= set(rrd.views())
+
+
+def test_a_figure_of_the_validation_has_the_colours_of_its_signals(drawn):
+    run, _ = drawn("hydmag")
+    pages = Pages(run.record)
+    course = next(one for one in time_courses.COURSES if one.gears == time_courses.UP)
+    parts = time_courses.draw(course, SimpleNamespace(recording=run.source().recording))
+    curves = [curve for _, figure in parts for panel in figure.panels for curve in panel.curves]
+    assert {one.signal: one.colour for one in curves} == {one.signal: pages.look(one.signal).colour for one in curves}
+    assert len(curves) == 6

@@ -19,7 +19,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.ros.domain import allocate
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.view import live, picture
+from rig_nodes.view import live, picture, viewer
 from rig_nodes.view.live import Sender, Server, live_topics
 from rig_nodes.view.pages import Pages
 
@@ -221,7 +221,7 @@ def test_a_server_that_does_not_start_is_quoted(monkeypatch, tmp_path):
     bad = tmp_path / "rerun"
     bad.write_text("#!/bin/sh\necho out of order >&2\nexit 3\n")
     bad.chmod(0o755)
-    monkeypatch.setattr(live, "program", lambda: str(bad))
+    monkeypatch.setattr(viewer, "program", lambda: str(bad))
     with pytest.raises(live.RigError, match=r"ended at once \(out of order\)"):
         Server()
 

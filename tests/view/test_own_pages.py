@@ -21,9 +21,11 @@ from rig_nodes.rig.structure import structure_of
 from rig_nodes.view import layout
 from rig_nodes.view import pages as pages_module
 from rig_nodes.view import plots as plots_module
+from rig_nodes.view.blocks import Block
 from rig_nodes.view.convert import make_tab_view, make_view
 from rig_nodes.view.curves import Curves
-from rig_nodes.view.other_tools import tabs
+from rig_nodes.view.live import _Shown
+from rig_nodes.view.other_tools import foxglove, plotjuggler, tabs
 from rig_nodes.view.pages import Pages
 
 OWN = """\
@@ -185,27 +187,38 @@ class OfRamp:
     def columns(self, topic):
         return []
 
+    def has_field(self, signal):
+        return True
+
     def series(self, signal):
         t = np.arange(400) / 200.0
         return t, 3.0 * t + 1.0
 
 
-def test_the_acceleration_of_a_vehicle_is_on_its_page_as_in_the_report():
+def test_the_acceleration_of_a_vehicle_is_on_its_page_as_in_the_report_also_while_it_drives():
     rr = pytest.importorskip("rerun")
     pages = INSTALLED["hydmag_engine"]
 
-    def plots(*present):
-        tabs = layout.blueprint(pages, set(present), (0.0, 1.0)).root_container.contents
-        return [plot.name for tab in tabs if tab.name == "Vehicle" for plot in tab.contents]
+    def plots(shown):
+        return [plot.name for tab in shown.root_container.contents if tab.name == "Vehicle" for plot in tab.contents]
 
-    assert "Acceleration of the vehicle [m/s²]" in plots(*pages.known.signals)
-    assert "Acceleration of the vehicle [m/s²]" not in plots("n_wej")
-    sent = {}
+    name = "Acceleration of the vehicle [m/s²]"
+    assert name in plots(layout.blueprint(pages, set(pages.known.signals), (0.0, 1.0)))
+    assert name not in plots(layout.blueprint(pages, {"n_wej"}, (0.0, 1.0))) and name in plots(layout.live_blueprint(pages, 5.0))
+    sent, topic = {}, pages.known.topics[pages.known.signal("v").topic]
     rec = SimpleNamespace(log=lambda *_, **__: None, send_columns=lambda place, times, values: sent.update({place: values}))
-    curves = Curves(rr, rec, pages, ["v"], [])
-    curves.add(OfRamp(pages.known.signal("v").topic))
-    (values,) = sent["velocity/v_rate"]
-    assert np.asarray(values.as_arrow_array().to_pylist()).ravel() == pytest.approx(np.full(39, 3.0))
+    t, values = OfRamp(topic.name).series("v")
+    rows = np.zeros(400, [(pages.known.signal("v").field, float), ("seq", int)])
+    rows[pages.known.signal("v").field] = values
+    live = _Shown(pages, topic)
+    live._signals, live._blocks = [pages.known.signal("v")], SimpleNamespace(of=lambda _: Block(topic.ros_type, [], rows, t))
+    for send in (lambda: Curves(rr, rec, pages, ["v"], []).add(OfRamp(topic.name)), lambda: live.send(rr, rec, [], 0.0)):
+        sent.clear()
+        send()
+        (found,) = sent["velocity/v_rate"]
+        assert np.asarray(found.as_arrow_array().to_pylist()).ravel() == pytest.approx(np.full(39, 3.0))
+    for tool in (plotjuggler, foxglove):
+        assert "Acceleration" not in tool(pages) and "Speed of the vehicle" in tool(pages)
 
 
 @pytest.mark.parametrize(

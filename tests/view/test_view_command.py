@@ -169,7 +169,7 @@ def test_a_viewer_that_does_not_answer_is_ended_in_time(run, monkeypatch, tmp_pa
     mute.chmod(0o755)
     (tmp_path / "lvp_icd.json").write_text("{}")
     monkeypatch.setattr(picture, "DRIVER_FOLDERS", (str(tmp_path),))
-    monkeypatch.setattr(picture, "program", lambda: str(mute))
+    monkeypatch.setattr(viewer, "program", lambda: str(mute))
     with pytest.raises(RigError, match="did not finish within 1 s"):
         picture.take_picture(run / "view.rrd", tmp_path / "x.png", longest=1.0)
     with pytest.raises(ProcessLookupError):

@@ -56,9 +56,9 @@ def main(args: argparse.Namespace) -> int:
 
         atomic_write(args.html, compare_page(found, Pages(compared.record)))
     if args.rrd:
-        from ..view import write_compare_file
+        from ..view import Pages, write_compare_file
 
-        write_compare_file(found, compared.catalogue, args.rrd)
+        write_compare_file(found, Pages(compared.record), args.rrd)
     for fault in faults:
         print(f"rig: {printable(fault)}", file=sys.stderr)
     return LOST if faults else 0

@@ -13,14 +13,12 @@ from .figure import Description as Description
 from .figure_of_compare import figures_of_compare as figures_of_compare
 from .figure_of_modes import figure_of_modes as figure_of_modes
 from .figure_of_run import figures_of_run as figures_of_run
-from .figure_of_shift import figure_of_shift as figure_of_shift
+from .figure_of_shift import figure_of_shift as figure_of_shift, figures_of_shifts as figures_of_shifts
 from .live import Sender as Sender, Server as Server, live_topics as live_topics
 from .other_tools import write_layout as write_layout
-from .page_of_compare import compare_page as compare_page
-from .page_of_report import Facts as Facts, campaign_page as campaign_page, report_page as report_page
+from .page_of_report import Facts as Facts, campaign_page as campaign_page, compare_page as compare_page, report_page as report_page
 from .pages import Pages as Pages
 from .pdf import browser as browser, pdf_of as pdf_of
 from .picture import require_driver as require_driver, take_picture as take_picture
 from .recorded import Envelope as Envelope
-from .shifts_of_bag import figures_of_shifts as figures_of_shifts
 from .viewer import command_for as command_for, has_display as has_display, open_window as open_window

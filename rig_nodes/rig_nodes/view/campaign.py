@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The figures of many runs: metrics of their shifts over what was varied, a line for each further condition, with the spread.
+"""The figures of many runs: metrics of their shifts over what was varied, a line with its spread for each set of the others.
 
 `rig report FOLDER` shows them for the folder of a measuring procedure and of a sweep, and the table of a sweep in Python.
 """
@@ -12,15 +12,15 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..analysis import PLOTS, REPORT_FILE, RPM, named_metrics, read_procedure, read_report, shown_transmission
+from ..analysis import PLOTS, REPORT_FILE, RPM, faults_at, named_metrics, read_procedure, read_report, shown_transmission
 from ..base import RigError
 from ..rig import load_rig
 from ..studies import SWEEP, SWEEP_JOURNAL, decode, plan_of, read_manifest, rows_of
-from .figure import POINTS, SOLID, Column, Curve, Description, Panel
+from .figure import POINTS, SOLID, Column, Curve, Description, Panel, column_of
 from .palette import CURVES
 
 if TYPE_CHECKING:
@@ -29,9 +29,29 @@ if TYPE_CHECKING:
     from ..studies import Plan
 
 MOST = 3  # conditions that are columns
-ROOM = 0.06  # share of an axis left free at both ends
+ROW = "row"  # what the columns show where nothing was varied
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 _SHOWN = {"rad/s": ("rpm", RPM), "Pa": ("MPa", 1e-6)}
+
+
+class Condition(NamedTuple):
+    """What was varied: its unit, its value in each row, NaN for a run without it, and its words, of which the values are places."""
+
+    unit: str
+    values: list[float]
+    words: tuple[str, ...] = ()
+
+    def text(self, value: float) -> str:
+        """Return a value as people read it."""
+        if not np.isfinite(value):
+            return "not set"
+        return self.words[int(value)] if self.words else f"{value:g} {self.unit}".strip()
+
+    def column(self, name: str) -> Column:
+        """Return the column of the metrics over it."""
+        if self.words:
+            return Column(-0.5, len(self.words) - 0.5, name, names=self.words)
+        return column_of(np.array(self.values), f"{name} [{self.unit}]" if self.unit else name)
 
 
 @dataclass(frozen=True)
@@ -42,8 +62,8 @@ class Campaign:
     ----------
     title : str
         Name of the campaign.
-    conditions : dict of str to (str, list of float)
-        Unit and value of each condition, row by row; NaN for a run without this condition.
+    conditions : dict of str to Condition
+        What was varied.
     rows : list of mapping
         Metrics of one shift each (analysis.metrics).
     box : Transmission
@@ -51,7 +71,7 @@ class Campaign:
     """
 
     title: str
-    conditions: dict[str, tuple[str, list[float]]]
+    conditions: dict[str, Condition]
     rows: list[Mapping[str, Any]]
     box: Transmission
 
@@ -65,10 +85,6 @@ def read_campaign(path: str | Path) -> Campaign:
     return found
 
 
-def _reports(folder: Path) -> list[Path]:
-    return sorted(one.parent for one in folder.glob(f"*/{REPORT_FILE}"))
-
-
 def _of_reports(folder: Path) -> Campaign | None:
     rows, given, box = [], [], None
     of_series = {
@@ -80,7 +96,7 @@ def _of_reports(folder: Path) -> Campaign | None:
         for one in read_procedure(folder).get("series", ())
         for name in one["runs"]
     }
-    for run in _reports(folder):
+    for run in sorted(one.parent for one in folder.glob(f"*/{REPORT_FILE}")):
         report = read_report(run) or {}
         if box is None and report.get("shifts"):
             try:
@@ -89,7 +105,9 @@ def _of_reports(folder: Path) -> Campaign | None:
                 raise RigError(f"{run / REPORT_FILE}: {error}") from None
         for row in report.get("shifts", []):
             rows.append(row)
-            given.append(of_series.get(run.name) or report["run"].get("parameters") or {})
+            start, about = row.get("t_order_s") or 0.0, report["run"]
+            ill = faults_at(about.get("faults") or (), start, start + (row.get("course_s") or 0.0))
+            given.append({**(of_series.get(run.name) or about.get("parameters") or {}), "faults": ", ".join(ill) or "no fault"})
     return None if box is None else Campaign(folder.name, conditions_of(given), rows, box)
 
 
@@ -105,63 +123,62 @@ def _of_sweep(folder: Path) -> Campaign | None:
 def campaign_of_sweep(plan: Plan, rows: Sequence[Mapping], box: Transmission) -> Campaign | None:
     """Return the campaign of a sweep's rows (studies.rows_of); None where there is no shift among them."""
     shifts = [row for row in rows if row.get("from_gear") is not None]
-    given = [{one.name: f"{row[one.name]} {one.unit}".strip() for one in plan.varied} for row in shifts]
+    varied = [one for one in plan.varied if one.of != "seed"]  # runs that differ in the seed alone are the spread
+    given = [{one.name: f"{row[one.name]} {one.unit or ''}".strip() for one in varied} for row in shifts]
     return Campaign(f"Sweep {plan.name}", conditions_of(given), shifts, box) if shifts else None
 
 
-def conditions_of(given: Sequence[Mapping[str, object]]) -> dict[str, tuple[str, list[float]]]:
-    """Return unit and values of the numbers among the conditions that differ between rows; two that are always alike are one."""
-    out = {}
+def conditions_of(given: Sequence[Mapping[str, object]]) -> dict[str, Condition]:
+    """Return the conditions that differ between rows; two that are always alike are one. Numbers of several units are words."""
+    found: dict[str, Condition] = {}
     for name in dict.fromkeys(name for one in given for name in one):
-        read = [_NUMBER.fullmatch(str(one.get(name, ""))) for one in given]
-        units = {match[2] for match in read if match}
-        values = [float(match[1]) if match else np.nan for match in read]
-        if len(units) == 1 and len({value for value in values if np.isfinite(value)}) > 1:
-            unit, factor = _SHOWN.get(written := units.pop(), (written, 1.0))
-            out[name] = unit, [value * factor for value in values]
-    same: dict[tuple, str] = {}
-    for name, (unit, values) in out.items():
-        same.setdefault((unit, tuple(values)), name)
-    return {name: out[name] for name in same.values()}
+        texts = [str(one.get(name, "")) for one in given]
+        read = [_NUMBER.fullmatch(text) for text in texts]
+        units = {match[2] if match else None for match, text in zip(read, texts) if text}
+        words = tuple(dict.fromkeys(filter(None, texts))) if len(units) > 1 or None in units else ()
+        unit, factor = ("", 1.0) if words else _SHOWN.get(written := next(iter(units), ""), (written, 1.0))
+        numbers = [factor * float(match[1]) if match else np.nan for match in read]
+        if words:
+            numbers = [words.index(text) if text else np.nan for text in texts]
+        one = Condition(unit, numbers, words)
+        if len({value for value in numbers if np.isfinite(value)}) > 1 and str(one) not in map(str, found.values()):
+            found[name] = one
+    return found
 
 
 def figures_of_campaign(found: Campaign) -> list[Description]:
     """Return a figure for each change of gears, with a column for each condition and a plot for each metric."""
     ways = [found.box.way(row["from_gear"], row["to_gear"], " → ") for row in found.rows]
-    varied = dict(list(found.conditions.items())[:MOST]) or {"row": ("", [float(n + 1) for n in range(len(found.rows))])}
-    columns = tuple(_column(name, unit, np.array(values)) for name, (unit, values) in varied.items())
+    varied = found.conditions or {ROW: Condition("", [float(n + 1) for n in range(len(found.rows))])}
+    shown = list(varied)[:MOST]
+    columns = tuple(varied[name].column(name) for name in shown)
     drawn = []
     for way in dict.fromkeys(ways):
         rows = [n for n, one in enumerate(ways) if one == way]
         panels = []
         for metric in named_metrics(PLOTS):
-            curves = [curve for place in range(len(varied)) for curve in _curves(found, metric, varied, place, rows)]
+            curves = [curve for place, name in enumerate(shown) for curve in _curves(found.rows, metric, varied, name, place, rows)]
             if curves:
                 panels.append(Panel(metric.named(found.box), "" if metric.unit == "-" else metric.shown_unit, tuple(curves)))
-        said = f"{len(rows)} shifts; points are runs, lines their means, and the bands their spread."
+        lines = any(one.style == SOLID for panel in panels for one in panel.curves)
+        said = f"{len(rows)} shifts; points are runs{', lines their means, and the bands their spread' * lines}."
+        said += f" Varied too: {', '.join(list(varied)[MOST:])}." if len(varied) > MOST else ""
         if panels:
             drawn.append(Description(f"{found.title}: {way}", said, "", "", columns, tuple(panels)))
     return drawn
 
 
-def _column(name: str, unit: str, values: np.ndarray) -> Column:
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    room = ROOM * (high - low) or 1.0
-    return Column(low - room, high + room, f"{name} [{unit}]" if unit else name)
-
-
 def _curves(
-    found: Campaign, metric: Metric, varied: Mapping[str, tuple[str, list[float]]], place: int, rows: Sequence[int]
+    all_rows: Sequence[Mapping], metric: Metric, varied: Mapping[str, Condition], name: str, place: int, rows: Sequence[int]
 ) -> list[Curve]:
-    """Return the points of a metric over a condition, and a line of means for each set of the others, if these are few."""
-    name = list(varied)[place]
-    others = {other: one for other, one in varied.items() if other != name}
+    """Return the points of a metric over a condition, and a line of means for each set of all others, if these are few."""
+    others = [one for other, one in varied.items() if other != name]
     groups: dict[tuple[float, ...], list[tuple[float, float]]] = {}
     for n in rows:
-        x, value = varied[name][1][n], found.rows[n].get(metric.key)
+        x, value = varied[name].values[n], all_rows[n].get(metric.key)
         if value is not None and np.isfinite(x):
-            groups.setdefault(tuple(values[n] for _, values in others.values()), []).append((x, value * metric.factor))
-    lined = len(groups) <= len(CURVES) and any(len({x for x, _ in points}) > 1 for points in groups.values())
+            groups.setdefault(tuple(one.values[n] for one in others), []).append((x, value * metric.factor))
+    lined = name != ROW and len(groups) <= len(CURVES) and any(len({x for x, _ in points}) > 1 for points in groups.values())
     curves = []
     if not lined and groups:
         x, y = np.array(sorted(point for points in groups.values() for point in points)).T
@@ -171,7 +188,7 @@ def _curves(
         at = np.unique(x)
         parts = [y[x == one] for one in at]
         mean, low, high = (np.array([function(part) for part in parts]) for function in (np.mean, np.min, np.max))
-        text = ", ".join(f"{value:g} {unit}".strip() for (unit, _), value in zip(others.values(), key))
+        text = ", ".join(one.text(value) for one, value in zip(others, key))
         curves.append(Curve(metric.key, text, text, colour, SOLID, at, mean, band=(low, high), column=place))
         curves.append(Curve(metric.key, "", "", colour, POINTS, x, y, column=place))
     return curves

@@ -11,12 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .figure import DASHED, DOTTED, POINTS, SOLID, Column, Curve, Description, Level, Panel
+from .figure import DASHED, DOTTED, POINTS, STYLES, TALL, Curve, Description, Level, Panel, column_of
 from .palette import CURVES
-
-HIGH = 380  # px of the plot
-ROOM = 0.03  # share of the horizontal axis left free at both ends
-STYLES = SOLID, DASHED, DOTTED
 
 
 @dataclass(frozen=True)
@@ -33,6 +29,8 @@ class Line:
         Whether a line and marks are drawn.
     dashed : bool
         Whether the line is dashed.
+    colour : str
+        Name of its colour (palette.CURVES), as that of a signal; by default the next one.
     """
 
     name: str
@@ -41,6 +39,7 @@ class Line:
     line: bool = True
     marks: bool = True
     dashed: bool = False
+    colour: str = ""
 
 
 def chart(
@@ -64,13 +63,10 @@ def chart(
     log : (bool, bool)
         True for a logarithmic axis across, and up.
     """
-    x = np.concatenate([np.asarray(one.x, float) for one in lines])
-    low, high = float(np.nanmin(x)), float(np.nanmax(x))
-    room = ROOM * (high - low) or 0.5 * abs(high) or 1.0
-    ends = (low * (low / high) ** ROOM, high * (high / low) ** ROOM) if log[0] else (low - room, high + room)
+    column = column_of(np.concatenate([np.asarray(one.x, float) for one in lines]), across, log[0])
     curves = []
     for n, one in enumerate(lines):
-        colour = CURVES[(n + 2) % len(CURVES)]  # the clutches' colours come first, which differ most
+        colour = one.colour or CURVES[(n + 2) % len(CURVES)]  # the clutches' colours come first, which differ most
         points = np.asarray(one.x, float), np.array([np.nan if value is None else value for value in one.y], float)
         style = DOTTED if one.dashed and n >= len(CURVES) else DASHED if one.dashed else STYLES[n // len(CURVES) % len(STYLES)]
         if one.line:
@@ -80,7 +76,7 @@ def chart(
             curves.append(Curve(one.name, text, text, colour, POINTS, *points))
     levels = [Level(end, f"accepted {way} {end:.4g}") for end, way in zip(accepted, ("from", "up to")) if end is not None]
     panel = Panel(up, "", tuple(curves), (), tuple(levels), log=log[1])
-    return Description(title, "", "", "", (Column(*ends, across, log=log[0]),), (panel,), high=HIGH)
+    return Description(title, "", "", "", (column,), (panel,), high=TALL)
 
 
 def front(way: str, rows: Sequence[Mapping], objectives: Sequence[str], chosen: Mapping[str, Mapping]) -> Description:

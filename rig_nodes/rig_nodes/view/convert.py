@@ -12,23 +12,23 @@ import hashlib
 import os
 import tempfile
 import warnings
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import __version__
-from ..analysis import REPORT_FILE, SMALL, build_report, gather, gathering, is_of, read_report, with_ends
+from ..analysis import LOGGER, REPORT_FILE, SMALL, build_report, gather, gathering, is_of, read_report, with_ends
 from ..bags import CUT_OFF, NO_REPORT, PIECE, Bag, Numbers, OpenedBags, orders_in, recovered
 from ..base import RigError, optional, unknown
 from . import layout
-from .curves import LOGGER_TOPIC, OWN_TOPIC, Curves, times
-from .document import event_row, report_document
+from .curves import OWN_TOPIC, Curves, times
+from .document import event_row, report_document, run_document
 from .moments import MomentCurves, Reader, log_offset, measured_pages, metrics_of, shift_page
 from .pages import Pages
-from .run_document import run_document
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from types import ModuleType
 
     from rerun import RecordingStream
@@ -81,27 +81,41 @@ def make_view(run: str | Path, window: tuple[float, float] | None = None, wanted
         key = _key(index, window, wanted)
         fresh = _key_of(path) != key
         source = _Source(index, run, window, wanted) if fresh else None
-        notes = list(index.damage) if source is None else _make(source, path, key)
+        notes = list(index.damage)
+        if source is not None:
+            with whole_file(path, "copy the run to a writable folder") as part:
+                notes = _write(source, part, key)
         lacks, faulty = _lacks(index)
         return View(path, fresh, notes + lacks, faulty or bool(source and source.damaged))
 
 
-def _make(source: _Source, path: Path, key: str) -> list[str]:
-    """Write the file completely or not at all, and return what the bag lacks."""
+@contextmanager
+def whole_file(path: Path, remedy: str) -> Iterator[Path]:
+    """Give the name of a file that replaces another one at the end; RigError, with a remedy, when it cannot be written."""
     try:
         handle, name = tempfile.mkstemp(prefix=".view-", suffix=".rrd", dir=path.parent)
     except OSError as error:
-        raise RigError(f"{path}: cannot be written ({error.strerror}); copy the run to a writable folder") from None
+        raise RigError(f"{path}: cannot be written ({error.strerror}); {remedy}") from None
     os.close(handle)
     try:
-        notes = _write(source, Path(name), key)
+        yield Path(name)
         os.chmod(name, 0o644)  # mkstemp makes the file private
         os.replace(name, path)
     except OSError as error:
         raise RigError(f"{path}: cannot be written ({error.strerror})") from None
     finally:
         Path(name).unlink(missing_ok=True)
-    return notes
+
+
+@contextmanager
+def recording(path: Path, key: str, shown: Blueprint) -> Iterator[tuple[ModuleType, RecordingStream]]:
+    """Give the rerun module and a recording that is written to a file with its layout."""
+    rr = import_rerun()
+    rec = rr.RecordingStream(APPLICATION, recording_id=key, send_properties=False)  # properties hold the wall clock
+    rec.save(path, default_blueprint=shown)
+    yield rr, rec
+    rec.flush()
+    rec.disconnect()
 
 
 def make_tab_view(
@@ -139,12 +153,8 @@ def make_tab_view(
     with OpenedBags([run]) as index:
         source = _Source(index, run, window, wanted)
         shown = source.blueprint(source.tab(tab))
-    rr = import_rerun()
-    rec = rr.RecordingStream(APPLICATION, recording_id="tab", send_properties=False)
-    rec.save(path, default_blueprint=shown)
-    rec.send_chunks(rr.chunk.RrdReader(view).stream())
-    rec.flush()
-    rec.disconnect()
+    with recording(path, "tab", shown) as (rr, rec):
+        rec.send_chunks(rr.chunk.RrdReader(view).stream())
 
 
 def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequence[int] | str | None) -> View | None:
@@ -172,15 +182,9 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
         tab = source.tab(tab)
         if source.report is None or tab not in [one.page.key for one in source.close]:
             return None
-        rr = import_rerun()
-        rec = rr.RecordingStream(APPLICATION, recording_id="close", send_properties=False)
-        rec.save(path, default_blueprint=source.blueprint(tab))
-        for one in source.close:
-            one.send(rr, rec)
-        _send_events(rr, rec, source.events)
-        _send_texts(rr, rec, source, source.report, [])
-        rec.flush()
-        rec.disconnect()
+        with recording(path, "close", source.blueprint(tab)) as (rr, rec):
+            source.send(rr, rec)
+            _send_texts(rr, rec, source, source.report, [])
         lacks, faulty = _lacks(index)
         return View(path, True, index.damage + lacks, faulty)
 
@@ -309,23 +313,35 @@ class _Source:
         span = self.span or self.ends
         return layout.blueprint(self.pages, set(self.names), span, only, self.own, self.close, self.window is not None)
 
+    def send(self, rr: ModuleType, rec: RecordingStream) -> None:
+        """Send what is shown close up, and the events."""
+        for one in self.close:
+            one.send(rr, rec)
+        by_node: dict[str, list] = {}
+        for t, topic, name, text, _ in self.events:
+            by_node.setdefault(topic.strip("/").split("/")[0], []).append((t, *event_row(t, topic, name, text)))
+        for node, rows in by_node.items():
+            t, texts, levels = zip(*rows)
+            rec.send_columns(f"events/{node}", [times(rr, t)], rr.TextLog.columns(text=texts, level=levels))
+
 
 def _write(source: _Source, path: Path, key: str) -> list[str]:
     """Write the bag to the file piece by piece; return what the bag lacks, which is also shown with the report."""
-    rr = import_rerun()
-    index, pages, report = source.index, source.pages, source.report
-    rec = rr.RecordingStream(
-        APPLICATION, recording_id=key, send_properties=False
-    )  # no properties, because they hold the wall clock
-    rec.save(path, default_blueprint=source.blueprint())
-    rec.send_recording_name(index.pieces[0].path.stem)
-    for one in source.close:
-        one.send(rr, rec)
-    _send_events(rr, rec, source.events)
-    start, end = source.span or source.ends
-    first, last = layout.window_of(pages, source.names, (start, end))
-    second = layout.column_width(2) / (last - first)
-    curves = Curves(rr, rec, pages, source.names, source.orders, end - start > LONG, second)
+    with recording(path, key, source.blueprint()) as (rr, rec):
+        rec.send_recording_name(source.index.pieces[0].path.stem)
+        source.send(rr, rec)
+        start, end = source.span or source.ends
+        first, last = layout.window_of(source.pages, source.names, (start, end))
+        second = layout.column_width(2) / (last - first)
+        curves = Curves(rr, rec, source.pages, source.names, source.orders, end - start > LONG, second)
+        report, notes = _send_bag(source, rec, curves)
+        _send_texts(rr, rec, source, report, notes)
+    return notes
+
+
+def _send_bag(source: _Source, rec: RecordingStream, curves: Curves) -> tuple[dict, list[str]]:
+    """Send all curves; return the report, made from the bag where none was beside it, and what the bag lacks."""
+    index, report = source.index, source.report
     notes: list[str] = []
     if source.span is not None:
         for piece in source.reader.pieces(*source.span):
@@ -349,17 +365,13 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
         if report is None:
             report = build_report(gathered, source.run)
     curves.finish()
-    if not index.counts.get(LOGGER_TOPIC):
-        notes.append(f"no rows of the logger: the bag has no messages of {LOGGER_TOPIC}")
+    if not index.counts.get(LOGGER):
+        notes.append(f"no rows of the logger: the bag has no messages of {LOGGER}")
     notes += curves.problems
-    lacking = [name for name in pages.known.signals if name not in source.names]
-    if lacking and not (source.run if report is None else report["run"]).get("imported"):  # a measurement has no states of a plant
+    lacking = [name for name in source.pages.known.signals if name not in source.names]
+    if lacking and not report["run"].get("imported"):  # a measurement has no states of a plant
         notes.append(f"the bag holds nothing of {', '.join(lacking)}")
-    notes += source.notes
-    _send_texts(rr, rec, source, report, notes)
-    rec.flush()
-    rec.disconnect()
-    return notes
+    return report, notes + source.notes
 
 
 def _send_texts(rr: ModuleType, rec: RecordingStream, source: _Source, report: dict, notes: list[str]) -> None:
@@ -386,7 +398,7 @@ def _small(index: OpenedBags) -> Bag:
 
 def _names(pages: Pages, index: OpenedBags, small: Bag) -> tuple[list[str], tuple[str, ...]]:
     """Return the catalogue's signals that the bag holds, and the controller's own named signals, which most runs lack."""
-    logged = small.columns(LOGGER_TOPIC) if index.counts.get(LOGGER_TOPIC) else []
+    logged = small.columns(LOGGER) if index.counts.get(LOGGER) else []
     own = small.columns(OWN_TOPIC) if index.counts.get(OWN_TOPIC) else []
     return [
         name
@@ -415,12 +427,3 @@ def _report(small: Bag) -> tuple[dict | None, dict, list[str]]:
     except RigError as error:
         notes.append(str(error))
     return None, info, notes
-
-
-def _send_events(rr: ModuleType, rec: RecordingStream, events: list[tuple[float, str, str, str, float]]) -> None:
-    by_node: dict[str, list] = {}
-    for t, topic, name, text, _ in events:
-        by_node.setdefault(topic.strip("/").split("/")[0], []).append((t, *event_row(t, topic, name, text)))
-    for node, rows in by_node.items():
-        t, texts, levels = zip(*rows)
-        rec.send_columns(f"events/{node}", [times(rr, t)], rr.TextLog.columns(text=texts, level=levels))

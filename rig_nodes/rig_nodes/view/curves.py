@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis import above_the_oil
+from ..analysis import LOGGER, above_the_oil
 from ..bags import Bag
 from ..base import RigError
 from ..rig import Signal
 from . import layout
-from .pages import Pages, Plates
+from .pages import Pages
 from .palette import OTHER, rgb
+from .recorded import derivative, samples_in
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,12 +29,11 @@ if TYPE_CHECKING:
     from rerun import RecordingStream, SeriesLines, TimeColumn
 
 FAST = 5e-4  # s between rows below which a channel can be thinned out
-OVER = 0.05  # s of a mean for a time derivative
 BIN = 20  # rows per stretch of a thinned curve, of which it keeps the lowest and the highest
 LETTER = 7.0  # px of a letter in a bar of a state
 NO_TEXT = " "  # not empty, because the viewer would replace an empty text by the state's value
 SHORT = "short "  # before the name of a state in a bar that is too short for it
-LOGGER_TOPIC, OWN_TOPIC = "/instruments/hmg4000", "/controller/signals"
+OWN_TOPIC = "/controller/signals"
 
 
 def times(rr: ModuleType, t: Sequence[float] | np.ndarray) -> TimeColumn:
@@ -146,54 +146,53 @@ class Curves:
 
     def add(self, piece: Bag) -> None:
         """Send all signals of the next piece."""
-        logged = self._rows(piece, LOGGER_TOPIC)
+        rows = self._rows(piece, LOGGER)
         for name in self._names:
-            signal = self._pages.known.signal(name)
-            if name in logged:
-                t, values = logged[name]
-            elif LOGGER_TOPIC in self._due and name in piece.columns(LOGGER_TOPIC):
-                continue  # the signal is drawn from the logger's rows, although this piece has none
-            else:
-                t, values = self._series(piece, signal)
-            if len(t):
-                self.ends = min(self.ends[0], t[0]), max(self.ends[1], t[-1])
-                self._measure(signal, t, values)
-                if signal.states:
-                    self._send_states(signal, t, values)
-                else:
-                    self._send_series(signal, *(thinned(t, values) if self._thin else (t, values)))
-        for name, plates in self._pages.plates.items():
-            if plates.heat in self._names:
-                self._send_plates(name, plates, *self._series(piece, self._pages.known.signal(plates.heat)))
-        for name, (signal, source) in self._pages.rates.items():
-            if source in self._names:
-                self._send_rate(name, signal, *self._series(piece, self._pages.known.signal(source)))
+            try:
+                for _, t, values in samples_in(piece, self._pages, [name], rows):
+                    if len(t):
+                        self._send_signal(self._pages.known.signal(name), t, values)
+            except RigError as error:
+                self._tell(str(error))
         for name, (t, values) in self._rows(piece, OWN_TOPIC).items():
             if self._first(name):
                 self._rec.log(layout.own_entity(name), self._rr.SeriesLines(names=name), static=True)
             self._send(layout.own_entity(name), t, values)
 
-    def _series(self, piece: Bag, signal: Signal) -> tuple[np.ndarray, np.ndarray]:
-        if piece.counts.get(signal.topic):
-            try:
-                return piece.series(signal)
-            except RigError as error:
-                self._tell(str(error))
-        return np.empty(0), np.empty(0)
+    def _send_signal(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
+        """Send samples of a signal, and what follows from them: the temperature of plates by their heat, and time derivatives."""
+        self.ends = min(self.ends[0], t[0]), max(self.ends[1], t[-1])
+        self._measure(signal, t, values)
+        if signal.states:
+            self._send_states(signal, t, values)
+        else:
+            self._send_series(signal, *(thinned(t, values) if self._thin else (t, values)))
+        for name, plates in self._pages.plates.items():
+            if plates.heat == signal.name:
+                over = above_the_oil(t, values, plates.capacity, plates.cooling, self._plates.get(name))
+                self._plates[name] = float(t[-1]), float(values[-1]), float(over[-1])
+                self._send_series(plates.signal, t, plates.oil + over)
+        for rate, source in self._pages.rates.values():
+            if source == signal.name:
+                self._send_series(rate, *derivative(t, values))
 
     def _tell(self, problem: str) -> None:
         if problem not in self.problems:
             self.problems.append(problem)
 
     def _rows(self, piece: Bag, topic: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return time [s] and values of a logger's columns, with a gap where rows are missing, also between two pieces."""
+        """Return time [s] and values of a logger's columns, with a gap where rows are missing, also between two pieces.
+
+        Columns of earlier pieces of which this one has no rows are empty.
+        """
+        nothing = dict.fromkeys(piece.columns(topic) if topic in self._due else (), (np.empty(0), np.empty(0)))
         if not piece.counts.get(topic):
-            return {}
+            return nothing
         try:
             logger = piece.logger(topic, fill=True)
         except RigError as error:
             self._tell(f"no rows of the logger: {error}")
-            return {}
+            return nothing
         t, due = logger.time(), self._due.get(topic)
         self._due[topic] = t[-1] + logger.period
         if due is None or t[0] < due + 0.5 * logger.period:
@@ -208,33 +207,13 @@ class Curves:
         return not known
 
     def _send(self, entity: str, t: np.ndarray, values: np.ndarray) -> None:
-        self._rec.send_columns(entity, [times(self._rr, t)], self._rr.Scalars.columns(scalars=values))
+        if len(t):
+            self._rec.send_columns(entity, [times(self._rr, t)], self._rr.Scalars.columns(scalars=values))
 
     def _send_series(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         if self._first(signal.name):
             log_style(self._rr, self._rec, self._pages, signal)
         self._send(layout.entity(signal), t, signal.shown(values))
-
-    def _send_plates(self, name: str, plates: Plates, t: np.ndarray, heat: np.ndarray) -> None:
-        """Send the temperature of plates."""
-        if not len(t):
-            return
-        values = above_the_oil(t, heat, plates.capacity, plates.cooling, self._plates.get(name))
-        self._plates[name] = float(t[-1]), float(heat[-1]), float(values[-1])
-        if self._first(name):
-            log_style(self._rr, self._rec, self._pages, plates.signal)
-        self._send(layout.entity(plates.signal), t, plates.oil + values)
-
-    def _send_rate(self, name: str, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-        """Send a time derivative, from the means over stretches of OVER seconds."""
-        width = max(1, round(OVER / (t[1] - t[0]))) if len(t) > 1 else 1
-        whole = len(t) // width * width
-        times_, means = (one[:whole].reshape(-1, width).mean(axis=1) for one in (t, values))
-        if len(means) < 2:
-            return
-        if self._first(name):
-            log_style(self._rr, self._rec, self._pages, signal)
-        self._send(layout.entity(signal), (times_[1:] + times_[:-1]) / 2.0, np.diff(means) / np.diff(times_))
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """Send one row for each state that has ended; the last one is held, because its bar's width is not known."""

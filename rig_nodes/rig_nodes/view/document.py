@@ -1,13 +1,14 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report of a run as a markdown document, for the text panel of the view.
+"""Markdown of the view's text panels: the report of a run, and the page of the run with its steps, warnings, energy and settings.
 
 view.convert uses it; keys, headings and units are those of the report (analysis.run_report).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import zip_longest
 
 from ..analysis import (
@@ -21,12 +22,14 @@ from ..analysis import (
     numbered_way,
     range_lines,
     sentence_of,
+    settings_of_run,
     shift_name,
     shown_transmission,
     undefined_lines,
     verdicts_in,
 )
-from ..rig import Transmission
+from ..rig import Transmission, changed_settings
+from .facts import energy_rows, facts_of, problems_of
 
 LEVELS = (
     ("tripped", "ERROR"),
@@ -38,6 +41,7 @@ LEVELS = (
 )
 ARROW = " → "
 WIDEST = 4  # largest number of shifts side by side; with more, the table is transposed
+SEQUENCER = "sequencer"
 
 
 def report_document(report: dict, problems: list[str]) -> str:
@@ -50,32 +54,69 @@ def report_document(report: dict, problems: list[str]) -> str:
     problems : list of str
         Sentences on problems of the bag; they come first.
     """
-    run, box = report["run"], shown_transmission(report)
-    parts = [f"# {run.get('sequence') or 'Run'}"]
-    if run.get("description"):
-        parts.append(str(run["description"]))
-    parts += [f"**{problem}**" for problem in [*problems, *run.get("problems", [])]]
+    box, told = shown_transmission(report), facts_of(report)
+    parts = [*_head(report), *(f"**{problem}**" for problem in problems_of(report, problems))]
     if "bench" in report:
         lines = bench_lines(report["bench"]) or range_lines(report.get("signals", []))
         parts += ["## Results", "```\n" + "\n".join(lines) + "\n```"] if lines else []
     else:
         parts += ["## Shifts", _shift_table(report, box) if report["shifts"] else no_shift(report)]
         parts += measured_lines(report["measured"], box) if "measured" in report else []
-    for number, (row, verdict) in enumerate(zip(report["shifts"], verdicts_in(report)), 1):
-        name = shift_name(number, row, box, ARROW)
+    names = [shift_name(number, row, box, ARROW) for number, row in enumerate(report["shifts"], 1)]
+    for name, row, verdict in zip(names, report["shifts"], verdicts_in(report)):
         parts += [f"{name}, is {sentence}"] if (sentence := sentence_of(verdict)) else []
         parts += [f"{name}, is not valid: {reason}" for reason in row.get("why", [])]
-    names = [shift_name(number, row, box, ARROW) for number, row in enumerate(report["shifts"], 1)]
     parts += undefined_lines(names, report["shifts"], named_metrics(), box)
     parts += begun_lines(names, report["shifts"], report.get("uncertainty") or [], box)
-    end = run.get("end")
-    reason = (end.get("reason") if isinstance(end, dict) else end) or "unknown"
-    rows = _run_rows(report, box)
-    half = -(-len(rows) // 2)
-    pairs = zip_longest(rows[:half], rows[half:], fillvalue=["", ""])  # two entries a line, so that a picture shows them all
-    table = [["", "value", "", "value"], *(left + right for left, right in pairs)]
-    parts += ["## Run", f"End: {reason}", markdown_table(table)]
+    end = told.pop("end", "unknown")
+    for number, (row, account) in enumerate(zip(report["shifts"], report.get("energy", {}).get("shifts", [])), 1):
+        if account:
+            told[f"heat {numbered_way(number, row, box, ARROW)}"] = f"{fixed(clutch_heat(account, box), 1.0, 0)} J"
+    rows, half = list(told.items()), -(-len(told) // 2)
+    pairs = zip_longest(rows[:half], rows[half:], fillvalue=("", ""))  # two entries a line, so that a picture shows them all
+    table = [["", "value", "", "value"], *([*left, *right] for left, right in pairs)]
+    return "\n\n".join([*parts, "## Run", f"End: {end}", markdown_table(table)]) + "\n"
+
+
+def run_document(
+    report: Mapping, record: Mapping, events: Sequence[tuple[float, str, str, str, float]], warnings: Sequence[str]
+) -> str:
+    """Return the page of a run.
+
+    Parameters
+    ----------
+    report : mapping
+        The report of the run (analysis.run_report).
+    record : mapping
+        The rig's record in the bag.
+    events : sequence of (float, str, str, str, float)
+        Time [s], topic, name, text and value of each event.
+    warnings : sequence of str
+        Sentences on problems of the bag.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    rows = [event_row(t, topic, name, text) for t, topic, name, text, _ in events]
+    bad = [*problems_of(report, warnings), *(text for text, level in rows if level != "INFO")]
+    parts = [*_head(report), "## Run", markdown_table([["", "value"], *facts_of(report).items()])]
+    parts += ["## Warnings", "\n".join(f"- {line}" for line in bad) or "none"]
+    if steps := [[f"{t:.2f}", text or name] for t, topic, name, text, _ in events if topic.strip("/").startswith(SEQUENCER)]:
+        parts += ["## Steps", markdown_table([["s", "step"], *steps])]
+    if energy := energy_rows([(report.get("energy") or {}).get("run") or {}], shown_transmission(report)):
+        parts += ["## Energy of the run", markdown_table([["", "J"], *energy])]
+    changed, note = changed_settings(record)
+    parts += ["## Settings that differ from the installed rig", *([note] if note else [] if changed else ["none"])]
+    parts += [markdown_table([["setting", "rig", "run"], *changed])] if changed else []
+    parts += ["## Settings", markdown_table([["setting", "value"], *settings_of_run(record)])]
     return "\n\n".join(parts) + "\n"
+
+
+def _head(report: Mapping) -> list[str]:
+    run = report["run"]
+    return [f"# {run.get('sequence') or 'Run'}", *([str(run["description"])] if run.get("description") else [])]
 
 
 def _shift_table(report: dict, box: Transmission) -> str:
@@ -91,32 +132,14 @@ def _shift_table(report: dict, box: Transmission) -> str:
     return markdown_table(table)
 
 
-def _run_rows(report: dict, box: Transmission) -> list[list[str]]:
-    run = report["run"]
-    rows = [["messages lost", "unknown" if run.get("lost") is None else str(run["lost"])]]
-    if run.get("recorded_from_s"):
-        rows.append(["recorded from s", fixed(run["recorded_from_s"], 1.0, 3)])
-    late = run.get("lateness_ms")
-    if late:
-        rows += [[f"lateness {key} ms", fixed(late.get(key), 1.0, 2)] for key in ("p50", "p99", "max")]
-        rows.append(["overruns", f"{run.get('overruns')} of {run.get('ticks')} ticks"])
-    for number, (row, account) in enumerate(zip(report["shifts"], report.get("energy", {}).get("shifts", [])), 1):
-        if account:
-            rows.append([f"heat {numbered_way(number, row, box, ARROW)} J", fixed(clutch_heat(account, box), 1.0, 0)])
-    rig = (run.get("configuration") or {}).get("name", "unknown")
-    rows += [["rig", str(rig)], ["seed", str(run.get("seed"))]]
-    rows += [[name, str(version)] for name, version in (run.get("versions") or {}).items()]
-    return rows
-
-
 def event_row(t: float, topic: str, name: str, text: str) -> tuple[str, str]:
     """Return the text that the list of events shows for an event, and its level; ``t`` is its time [s]."""
     level = next((level for part, level in LEVELS if part in name), "INFO")
     return f"{t:.3f} s  {topic.strip('/').split('/')[0]}: {text or name}", level
 
 
-def markdown_table(rows: list[list[str]]) -> str:
+def markdown_table(rows: Iterable[Iterable[str]]) -> str:
     """Return rows as a markdown table, the first as its head."""
-    head, *body = rows
+    head, *body = map(list, rows)
     lines = [head, ["---", *["--:"] * (len(head) - 1)], *body]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

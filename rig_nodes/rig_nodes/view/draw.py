@@ -52,7 +52,7 @@ DASHES = {SOLID: "-", DASHED: (0, (4, 2)), DOTTED: (0, (1, 1.6)), POINTS: "none"
 WIDTHS = {SOLID: 1.7, DASHED: 1.2, DOTTED: 1.3, POINTS: 0.0}
 BEYOND = 1.35  # of the other curves' range, up to which a curve that does not scale the axis is shown
 MARGIN = 0.2  # of the range of a plot, above and below its curves
-NEXT = 17  # pixels between two signs in the strip
+NEXT = 3  # pixels between two signs in the strip
 WIDE = "\u00a0 \u00a0 "  # between two texts of a line, where it may be broken; a page shows several spaces as one
 COARSE = 0.4  # pixels by which a curve of a page may be moved to need fewer points
 NUMBER, RESULT = 125, 56  # width and height of a number at the foot
@@ -224,13 +224,17 @@ class _Drawing:
             under = bottom - (0 if lane or not split else high)
             first, last = (left + (min(max(t, column.first), column.last) - column.first) * scale for t in (one.start, one.end))
             self._phase(one, first, last, under, high)
-        room = -1e9
+        free, end, y = 0.0, left + width + self.right, bottom - (STRIP if parts else 0) - 5
         for one in sorted((one for one in self.of.moments if one.sign), key=lambda one: one.t):
-            x = left + (one.t - column.first) * scale
-            if column.first <= one.t <= column.last and x - room >= NEXT:
-                y = bottom - (STRIP if parts else 0) - 5
-                self.text(x, y, one.sign, 11 if one.text else 9, ha="center" if one.text else "left")
-                room = x
+            if column.first <= one.t <= column.last:
+                drawn = self.text(0.0, y, one.sign, 11 if one.text else 9)
+                wide = self.size(drawn)[0]
+                start = min(left + (one.t - column.first) * scale - 0.5 * wide * bool(one.text), end - wide)
+                if start < free:
+                    drawn.remove()
+                else:
+                    drawn.set_x(start / self.width)
+                    free = start + wide + NEXT
 
     def _phase(self, one: Stretch, first: float, last: float, under: float, high: float) -> None:
         place = (first / self.width, 1.0 - under / self.height), (last - first) / self.width, high / self.height

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from .pages import Pages
 
 SOLID, DASHED, DOTTED, POINTS = "solid", "dashed", "dotted", "points"
+STYLES = SOLID, DASHED, DOTTED  # of lines, in the order in which they are taken
 GAP = 1e-6  # s by which a sample may lie outside a window, from rounding of its time
+ROOM = 0.03  # share of a column left free at both ends of its values
+TALL = 380  # px of the one plot of a figure
 
 
 class Series(Protocol):
@@ -192,6 +195,15 @@ class Description:
     moments: tuple[Moment, ...] = ()
     numbers: tuple[Number, ...] = ()
     high: int = 136
+
+
+def column_of(values: np.ndarray, title: str, log: bool = False) -> Column:
+    """Return a column that holds some values (n,) with room at both ends."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    if log:
+        return Column(low * (low / high) ** ROOM, high * (high / low) ** ROOM, title, log=True)
+    room = ROOM * (high - low) or 0.5 * abs(high) or 1.0
+    return Column(low - room, high + room, title)
 
 
 def cut(

@@ -9,11 +9,11 @@
 from __future__ import annotations
 
 import itertools
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..analysis import RPM
 from ..driveline import columns
 from ..rig import driveline_drawn
 from .figure import DASHED, DOTTED, POINTS, SOLID, Column, Curve, Description, Level, Panel, Ring
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from ..analysis import Critical, Found, Response, Spectrum
     from ..rig import RigConfig
 
-RPM = math.pi / 30.0
 HIGH = 230  # px of a plot
 SHAPES, RINGS = 4, 12  # modes whose shapes are drawn, and critical speeds that are named
 MOST = 2000  # points of a curve
@@ -107,7 +106,7 @@ def _speeds(
     natural: Sequence[float], body: str, orders: Sequence[float], speeds: tuple[float, float], critical: Sequence[Critical]
 ) -> Panel:
     """Return natural frequencies and orders over the speed of the exciting body; where they meet, the speed is named."""
-    low, high = speeds[0] / RPM, speeds[1] / RPM
+    low, high = speeds[0] * RPM, speeds[1] * RPM
     top = 1.15 * max(natural)
     if orders and 60.0 * top / min(orders) > low:
         high = min(high, 60.0 * top / min(orders))  # beyond it no order meets a frequency
@@ -122,7 +121,7 @@ def _speeds(
     if not curves:
         curves.append(Curve("0", "", "", CURVES[-1], SOLID, np.array([low, high]), np.zeros(2)))
     for one in sorted(critical, key=lambda one: -abs(one.share))[:RINGS]:
-        rpm = one.speed / RPM
+        rpm = one.speed * RPM
         rings.append(Ring(rpm, one.order * rpm / 60.0, f"{rpm:.0f} rpm", LIMIT))
     return Panel("Critical speeds", "Hz", tuple(curves), tuple(rings), levels, across=Column(low, high, f"speed of {body} [rpm]"))
 

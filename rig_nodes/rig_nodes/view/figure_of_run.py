@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis import phases_of
-from ..rig import RATE, OwnPlot
+from ..analysis import phases_of, running_mean
+from ..rig import OwnPlot
 from .figure import DASHED, SOLID, Column, Curve, Description, Moment, Panel, Stretch
 from .figure_of_bench import figure_of_bench
-from .pages import Pages, rate_unit
-from .recorded import BINS, Envelope, envelopes_of, stretch_of
+from .pages import Pages
+from .recorded import BINS, Envelope, envelopes_of, windows_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,7 +33,7 @@ FLAT = 0.01  # of a signal's measuring range, below which it counts as constant
 WITHIN = 0.25  # share of a swing that must lie within a stretch of a pixel; 1/9 of a ramp does
 CLOSE, TURNS = 2.0, 3  # s that are searched for periods, and periods or turns that are shown
 PERIODIC = 0.5  # autocorrelation from which a signal has a period
-SMOOTH = 9  # stretches over which a time derivative is taken
+SMOOTH = 9  # stretches over which the height of a swing is taken
 
 
 def figures_of_run(report: Mapping, pages: Pages, path: str | Path, span: tuple[float, float]) -> list[Description]:
@@ -56,9 +56,10 @@ def figures_of_run(report: Mapping, pages: Pages, path: str | Path, span: tuple[
         Plots, and figures, of which nothing was recorded are left out.
     """
     names = list(dict.fromkeys(name for plots in pages.questions.values() for plot in plots for name in plot.signals))
-    found = envelopes_of(path, pages, names, (span[0], max(span[1], span[0] + 1e-3)))
+    span = span[0], max(span[1], span[0] + 1e-3)
+    found = envelopes_of(path, pages, names, span)
     drawn = [_Page(report, pages, path, title, plots, found).figure() for title, plots in pages.questions.items()]
-    return [one for one in (figure_of_bench(report, pages, path), *drawn) if one and one.panels]
+    return [one for one in (figure_of_bench(report, pages, path, span), *drawn) if one and one.panels]
 
 
 class _Page:
@@ -90,7 +91,9 @@ class _Page:
         run, rows = self.report["run"], self.report["shifts"]
         way = self.pages.box.way if self.pages.box else None
         moments = [Moment(row["t_order_s"], way(row["from_gear"], row["to_gear"], " → "), "") for row in rows if way]
-        moments += [Moment(one["from_s"], one["name"], "") for one in run.get("faults") or ()]
+        for one in run.get("faults") or ():
+            ends = ((one["from_s"], one["name"]), (one["to_s"], f"{one['name']} ends"))
+            moments += [Moment(t, text, "") for t, text in ends if t is not None]
         return Description(
             f"{self.title}: {run.get('description') or run.get('sequence') or 'run'}",
             f"constant: {', '.join(map(self._value, constant))}" if constant else "",
@@ -111,14 +114,13 @@ class _Page:
     def _flat(self, name: str) -> bool:
         """Return True for a signal that only trembles, within a share of its measuring range."""
         signal, found = self.pages.signal(name), self.found[name]
-        (low, high), whole = found.span, abs(float(signal.shown(signal.high)) - float(signal.shown(signal.low)))
+        whole = 0.0 if name in self.pages.rates else abs(float(signal.shown(signal.high)) - float(signal.shown(signal.low)))
+        low, high = found.span
         low_of_band, high_of_band = (one[found.filled] for one in found.band)
         return high - low <= FLAT * whole and np.ptp(low_of_band + high_of_band) <= high - low
 
     def _parts(self, plot: OwnPlot) -> list[OwnPlot]:
         """Return a plot, or several where the sizes of its signals differ so much that a small one would be a line on zero."""
-        if plot.over == RATE:
-            return [plot]
         demanded = {name for name in plot.signals if self.pages.look(name).demanded}
         size = {name: max(map(abs, self.found[name].span)) for name in plot.signals}
         kept = sorted((name for name in plot.signals if name not in demanded), key=lambda name: -size[name])
@@ -134,34 +136,32 @@ class _Page:
     # ---- curves
 
     def _panel(self, plot: OwnPlot) -> Panel:
-        signal, curves = self.pages.signal(plot.signals[0]), []
-        unit = signal.display_unit if plot.over != RATE else rate_unit(signal)
+        curves: list[Curve] = []
         for name in plot.signals:
             look = self.pages.look(name)
             colour, style = look.colour, DASHED if look.demanded else SOLID
             scales = len(plot.signals) == 1 or not look.demanded
-            if plot.over == RATE:
-                found = _rate(self.found[name], Curve(name, f"d{name}/dt", name, colour, style, *_NONE, column=0))
-                curves.append(replace(found, y=found.y / self.pages.signal(name).scale))
-                continue
-            curves.append(_whole(self.found[name], Curve(name, name, name, colour, style, *_NONE, scales=scales, column=0)))
+            text = f"d{self.pages.rates[name][1]}/dt" if name in self.pages.rates else name
+            curves.append(_whole(self.found[name], Curve(name, text, text, colour, style, *_NONE, scales=scales, column=0)))
             if name in self.close:
-                curves.append(Curve(name, name, name, colour, style, *self.close[name], scales=scales, column=1))
+                curves.append(Curve(name, text, text, colour, style, *self.close[name], scales=scales, column=1))
         if not any(one.scales for one in curves):
             curves = [replace(one, scales=True) for one in curves]
-        return Panel(plot.title, unit, tuple(curves))
+        return Panel(plot.title, self.pages.signal(plot.signals[0]).display_unit, tuple(curves))
 
     def _close(self) -> Column | None:
         """Find the stretch that the second column shows, and its curves; None where no signal is fast."""
-        fast = [name for plot in self.plots if plot.over != RATE for name in plot.signals if _is_fast(self.found[name])]
-        speed = next((plot.over for plot in self.plots if plot.over not in ("", RATE)), "")
+        shown = [name for plot in self.plots for name in plot.signals]
+        fast = [name for name in shown if name not in self.pages.rates and _is_fast(self.found[name])]
+        speed = next((plot.over for plot in self.plots if plot.over), "")
         if not fast:
             return None
-        chosen = [name for plot in self.plots if plot.over not in ("", RATE) for name in plot.signals if name in fast] or fast[:1]
+        chosen = [name for plot in self.plots if plot.over for name in plot.signals if name in fast] or fast[:1]
         swings = sum((self.found[name].swing / self.found[name].swing.max() for name in chosen), np.zeros(BINS))
-        middle = float(self.found[chosen[0]].times[_middle_of_longest(_mean(swings, SMOOTH))])
-        names = {name for plot in self.plots if plot.over != RATE for name in plot.signals} | ({speed} if speed else set())
-        read = stretch_of(self.path, self.pages, sorted(names), (middle - 0.5 * CLOSE, middle + 0.5 * CLOSE))
+        middle = float(self.found[chosen[0]].times[_middle_of_longest(running_mean(swings, SMOOTH))])
+        names = sorted({*shown, *([speed] if speed else [])})
+        (found,) = windows_of(self.path, self.pages, names, [(middle - 0.5 * CLOSE, middle + 0.5 * CLOSE)])
+        read = {name: (one.time, self.pages.signal(name).shown(one.values)) for name, one in found.items()}
         if chosen[0] not in read or (speed and speed not in read):
             return None
         if speed:
@@ -217,19 +217,6 @@ def _whole(envelope: Envelope, curve: Curve) -> Curve:
     turns = np.arange(at.sum()) % 2 == 0
     y = np.column_stack([np.where(turns, low[at], high[at]), np.where(turns, high[at], low[at])])
     return replace(curve, t=np.repeat(t[at], 2), y=y.ravel())
-
-
-def _rate(envelope: Envelope, curve: Curve) -> Curve:
-    """Return the time derivative of a signal, of the means over some stretches."""
-    at = envelope.filled
-    t, y = envelope.times[at], _mean(envelope.middle[at], SMOOTH)
-    return replace(curve, t=t, y=np.gradient(y, t) if len(t) > 1 else np.zeros(len(t)))
-
-
-def _mean(y: np.ndarray, width: int) -> np.ndarray:
-    """Return the running mean (n,) of values (n,)."""
-    padded = np.pad(y, width // 2, mode="edge")
-    return np.convolve(padded, np.full(width, 1.0 / width), "valid")
 
 
 def _period(t: np.ndarray, y: np.ndarray) -> float:

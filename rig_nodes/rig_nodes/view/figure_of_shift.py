@@ -3,7 +3,7 @@
 
 """The figure of a shift: what happened, whether it was good, and why, in pressures, clutch torques, shaft torques and speeds.
 
-``Run.plot`` and `rig report --picture` show it. Phases, results, verdict, causes and limits are those of the report.
+``Run.plot``, `rig report --picture` and its page show it. Phases, results, verdict, causes and limits are those of the report.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ..analysis import (
     LEAST_TORQUE,
     MET,
     NO_SEQUENCE,
+    NOT_FOUND,
     PRESSURE_MEAN,
     RPM,
     SWING,
@@ -61,6 +62,7 @@ from .figure import (
     cut,
 )
 from .palette import INPUT, OTHER, OUTPUT, SETTLING, clutch_colour
+from .recorded import windows_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,6 +80,7 @@ MOST_CHANGED = 2  # changed settings that are named
 LEVEL = 20e-3  # s over which a level is taken
 NEAR = 2e-3  # share by which a curve may miss a result, from rounding
 GRID = 0.05  # ms by which rounding may move a sample
+MOST, SPARE = 12, 0.05  # shifts of a bag that are drawn, and s read on both sides of what a figure shows
 
 INTERRUPTED_TOO = "t_p with interruption"
 # results at the foot: key and words
@@ -120,10 +123,26 @@ def figure_of_shift(
     return _Shift(report, number, pages, pages.box, signals, span).figure()
 
 
-def window_of(report: Mapping, number: int, pages: Pages, span: tuple[float, float]) -> tuple[float, float]:
-    """Return the times [s] between which the figure of a shift shows it; arguments as for :func:`figure_of_shift`."""
-    assert pages.box is not None
-    return _Shift(report, number, pages, pages.box, {}, span).window
+def figures_of_shifts(path: str, report: Mapping, pages: Pages, span: tuple[float, float]) -> list[Description]:
+    """Return the figures of the first MOST shifts of a bag, which is read once; only the time around each shift is held.
+
+    Parameters
+    ----------
+    path : str
+        Folder of a run or its .mcap file; of a damaged one what is left is read.
+    report : mapping
+        Its report.
+    pages : Pages
+        The pages of its rig.
+    span : (float, float)
+        First and last time of the run [s].
+    """
+    if pages.box is None:
+        return []
+    drawn = [_Shift(report, number, pages, pages.box, {}, span) for number in range(1, min(len(report["shifts"]), MOST) + 1)]
+    spans = [(one.window[0] - SPARE, one.window[1] + SPARE) for one in drawn]
+    found = windows_of(path, pages, signals_of(pages.box), spans) if drawn else []
+    return [replace(one, signals=signals).figure() for one, signals in zip(drawn, found)]
 
 
 def signals_of(box: Transmission) -> list[str]:
@@ -245,6 +264,19 @@ class _Shift:
             max(first, start - room), min(last, stop + room), f"{title}, close-up", 0.59
         )
 
+    @cached_property
+    def bounds(self) -> dict[str, tuple[float | None, float | None]]:
+        """Limits by the keys of their metrics and in their units: the user's own, in place of those of the verdict."""
+        factors = {one.key: one.factor for one in every_metric()}
+        own = {key: tuple(end and end / factors[key] for end in (one["low"], one["high"])) for key, one in self.given.items()}
+        return {**bounds_of(self.row, self.box), **own}
+
+    @cached_property
+    def given(self) -> dict[str, Mapping]:
+        """The verdicts on the user's own limits by the keys of the metrics."""
+        place = shift_name(self.number, self.row, self.box)
+        return {one["key"]: one for one in self.report.get("limits") or () if one["place"] == place}
+
     def ms(self, t: np.ndarray | float) -> np.ndarray:
         """Return times of the run [s] as ms after the order."""
         return (np.asarray(t) - self.row["t_order_s"]) * 1e3
@@ -281,11 +313,15 @@ class _Shift:
             title = f"{kind} {way} {'without load' if asked is None else 'under load' if asked > 0.0 else 'in overrun'}"
         verdict = verdicts_in(self.report)[self.number - 1] or {}
         grade, reasons = verdict.get("grade") or "", verdict.get("reasons") or []
+        missed = [one.name for one in self.numbers() if one.key in self.given and one.met is False]
         sentence = "; ".join(reasons)
         if grade and not reasons:
-            kept = "torque and speed" if "input_torque_high_nm" in bounds_of(row, box) else "speed"
-            sentence = f"gear {box.names[new]} was reached after {1e3 * row['t_c_s']:.0f} ms, and {kept} kept within the limits"
-        parts = [sentence, sentence_of_peak(row), f"not valid: {'; '.join(row['why'])}" if row["why"] else ""]
+            judged = {"torque": "input_torque_high_nm", "speed": "k"}
+            kept = " and ".join(word for word, key in judged.items() if key in self.bounds and not missed)
+            sentence = f"gear {box.names[new]} was reached after {1e3 * row['t_c_s']:.0f} ms"
+            sentence += f", and {kept} kept within the limits" if kept else ""
+        parts = [sentence, f"outside the limits that were given: {', '.join(missed)}" if missed else "", sentence_of_peak(row)]
+        parts += [f"not valid: {'; '.join(row['why'])}"] if row["why"] else []
         return title, grade, " ".join(f"{one[0].upper()}{one[1:]}." for one in parts if one)
 
     def conditions(self) -> str:
@@ -312,34 +348,34 @@ class _Shift:
         return " · ".join(", ".join(str(one) for one in part if one) for part in (state, set_, origin) if part)
 
     def latest(self) -> list[Moment]:
-        """Return the time until which lock-up is good."""
-        _, last = bounds_of(self.row, self.box).get("t_c_s", (None, None))
-        return [Moment(1e3 * last, "", f"t_c ≤ {1e3 * last:.0f} ms", True)] if last is not None and times_of(self.row) else []
+        """Return the times until which lock-up is good, and until which the torque must have settled after it."""
+        found, locked = [], self.row["t_c_s"]
+        for key, name, start in (("t_c_s", "t_c", 0.0), ("t_o_s", "t_o", locked)) if times_of(self.row) else ():
+            if (last := self.bounds.get(key, (None, None))[1]) is not None:
+                found.append(Moment(1e3 * (start + last), "", f"{name} ≤ {1e3 * last:.0f} ms", True))
+        return found
 
     def numbers(self) -> list[Number]:
-        bounds, place = bounds_of(self.row, self.box), shift_name(self.number, self.row, self.box)
-        given = {one["key"]: one for one in self.report.get("limits") or () if one["place"] == place}
         errors = self.report.get("uncertainty") or []
         own = errors[self.number - 1] if len(errors) >= self.number else {}
         found = []
         for metric in every_metric():
-            if self.row.get(metric.key) is None or (metric.key not in NUMBERS and metric.key not in given):
+            value, judged = self.row.get(metric.key), self.given.get(metric.key)
+            if judged is None and (value is None or metric.key not in NUMBERS):
                 continue
             unit = "" if metric.unit == "-" else f" {metric.shown_unit}"
-            low, high = (None if end is None else end * metric.factor for end in bounds.get(metric.key, (None, None)))
-            value, met = self.row[metric.key] * metric.factor, None
-            if metric.key in given:
-                low, high, verdict = (given[metric.key][key] for key in ("low", "high", "verdict"))
-                met = None if verdict == UNDECIDED else verdict == MET
+            low, high = self.bounds.get(metric.key, (None, None))
+            met = None
+            if judged is not None:
+                met = None if judged["verdict"] == UNDECIDED else judged["verdict"] == MET
             elif (low, high) != (None, None):
                 met = (low is None or value >= low) and (high is None or value <= high)
-            limit = " and ".join(
-                f"{sign} {round(end, metric.digits):g}" for sign, end in (("≥", low), ("≤", high)) if end is not None
-            )
+            ends = (("≥", low), ("≤", high))
+            limit = " and ".join(f"{sign} {round(end * metric.factor, metric.digits):g}" for sign, end in ends if end is not None)
             name = NUMBERS.get(metric.key, metric.named(self.box))
             if metric.key == "t_p_s" and self.row.get("interrupted_s"):
                 name = INTERRUPTED_TOO  # the strip shows both, each for itself
-            found.append(Number(metric.key, name, metric.cell(self.row, own) + unit, limit, met))
+            found.append(Number(metric.key, name, NOT_FOUND if value is None else metric.cell(self.row, own) + unit, limit, met))
         return sorted(found, key=lambda one: list(NUMBERS).index(one.key) if one.key in NUMBERS else len(NUMBERS))
 
     # ---- panels
@@ -446,12 +482,16 @@ class _Shift:
         text = f"{word} with up to {abs(worst):.0f} Nm"
         return [Hatch(own.t[part], np.where(sign * own.y[part] < 0.0, own.y[part], 0.0), text)]
 
+    def shafts(self, what: str) -> list[Curve | None]:
+        """Return the speeds or the torques of both shafts."""
+        names = zip(self.pages.shafts(what), ("input", "output"), (INPUT, OUTPUT))
+        return [self.curve(name, f"{name} {word}", colour, short=name, mean=TORQUE_SPEED_MEAN) for name, word, colour in names]
+
     def shaft_torques(self) -> Panel:
         box, row = self.box, self.row
-        ends = ((box.input.torque, "input", INPUT), (box.output.torque, "output", OUTPUT))
-        curves = [self.curve(name, f"{name} {word}", colour, short=name, mean=TORQUE_SPEED_MEAN) for name, word, colour in ends]
+        curves = self.shafts("torque")
         rings, levels = [], []
-        bounds, asked = bounds_of(row, box), asked_of_input(row, box)
+        asked = asked_of_input(row, box)
         if asked is not None and box.changes(row["from_gear"], row["to_gear"]):
             levels.append(Level(asked, f"the load asks {asked:.0f} Nm of the input", False))
             ratio = (verdicts_in(self.report)[self.number - 1] or {}).get("peak_ratio")
@@ -463,8 +503,7 @@ class _Shift:
                 continue
             times = f" = {ratio:.1f} \u00d7 load" if side and ratio is not None else ""
             rings.append(self.ring(curves[0], row.get("t_high_s" if side else "t_low_s"), value, f"{word} {value:z.0f} Nm{times}"))
-            if (limit := bounds.get(key, (None, None))[side]) is not None:
-                levels.append(Level(limit, f"limit {limit:.0f} Nm"))
+            levels += [Level(limit, f"limit {limit:.0f} Nm") for limit in self.bounds.get(key, ()) if limit is not None]
         return Panel("shaft torque", "Nm", tuple(one for one in curves if one), tuple(one for one in rings if one), tuple(levels))
 
     def ring(self, curve: Curve, since: float | None, value: float, text: str, last: float | None = None) -> Ring | None:
@@ -485,8 +524,7 @@ class _Shift:
 
     def speeds(self) -> Panel:
         box, row = self.box, self.row
-        ends = ((box.input.speed, "input", INPUT), (box.output.speed, "output", OUTPUT))
-        shafts = [self.curve(name, f"{name} {word}", colour, short=name, mean=TORQUE_SPEED_MEAN) for name, word, colour in ends]
+        shafts = self.shafts("speed")
         curves, rings, levels = [one for one in shafts if one], [], []
         if shafts[0] is not None:
             for gear, clutches in zip((row["from_gear"], row["to_gear"]), self.moved):
@@ -501,7 +539,7 @@ class _Shift:
             rings.append(self.ring(shafts[1], None, lowest, f"lowest {lowest:z.0f} rpm{f', {kept}' if both else ''}"))
             if kept and least is not None and not both:  # that of k is the one before lock-up
                 rings.append(self.ring(shafts[1], None, least, f"{kept} by {least:z.0f} rpm", row["t_c_s"]))
-            low = bounds_of(row, box).get("output_speed_low_rpm", (None, None))[0]
+            low = self.bounds.get("output_speed_low_rpm", (None, None))[0]
             if low is not None and low > lowest:
                 levels.append(Level(low, f"limit {low:.0f} rpm"))
         return Panel("speed", "rpm", tuple(curves), tuple(one for one in rings if one), tuple(levels))

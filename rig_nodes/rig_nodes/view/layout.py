@@ -270,19 +270,15 @@ def blueprint(
     import rerun.blueprint as rrb
 
     axis = rrb.TimeAxis(link="LinkToGlobal")
-    run, rest = _run_columns(pages, present, axis), _plots(pages, present, pages.other_plots, axis)
+    run, rest, more = _whole_run(pages, present, axis)
     if plates := [name for name, one in pages.plates.items() if one.heat in present]:
         run[-1] += _plots(pages, present | set(plates), [("Plate temperature", plates)], axis)
-    more = {name: views for name, plots in pages.more_pages.items() if (views := _plots(pages, present, plots, axis))}
-    rates = {name for name, (_, source) in pages.rates.items() if source in present}
-    for name, plots in pages.rate_plots.items():
-        more[name] = [*more.get(name, ()), *_plots(pages, rates, plots, axis)]
     shown = more[only] if only in more else rest if only == "other" else [view for column in run for view in column] + rest
     if shown:
         open_with(shown[0], window_of(pages, present, span, pages.more_pages.get(only, ()) if only in more else None))
     tabs = {name: rrb.Grid(*views, name=name) for name, views in more.items()}
     for one in close:
-        axis_of_all = rrb.TimeAxis(link="Independent", view_range=_range(one.page.window(pages)))
+        axis_of_all = rrb.TimeAxis(link="Independent", view_range=time_range(one.page.window(pages)))
         columns = [_moments(pages, one, column, axis_of_all, not n) for n, column in enumerate(one.page.columns)]
         tabs[one.page.key] = _tab(one.page.name, columns)
     tabs["run"] = _tab("Run", run, "/run")
@@ -303,7 +299,7 @@ def open_with(first: rrb.View, span: tuple[float, float]) -> None:
     import rerun.blueprint as rrb
 
     first.id = SHARED_AXIS
-    first.properties["TimeAxis"] = rrb.TimeAxis(link="LinkToGlobal", view_range=_range(span))
+    first.properties["TimeAxis"] = rrb.TimeAxis(link="LinkToGlobal", view_range=time_range(span))
 
 
 def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
@@ -315,9 +311,7 @@ def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
     # linked axes have no moving window, so each plot has its own
     span = rr.TimeRange(start=newest(seconds=-seconds), end=newest())
     axis = rrb.TimeAxis(link="Independent", view_range=span)
-    present = set(pages.known.signals)
-    run, rest = _run_columns(pages, present, axis), _plots(pages, present, pages.other_plots, axis)
-    more = {name: _plots(pages, present, plots, axis) for name, plots in pages.more_pages.items()}
+    run, rest, more = _whole_run(pages, set(pages.known.signals), axis)
     for view in [view for column in (*run, *more.values()) for view in column] + rest:
         if isinstance(view, rrb.TimeSeriesView):
             view.properties["PlotLegend"] = rrb.PlotLegend("LeftTop")  # away from the newest values
@@ -325,14 +319,14 @@ def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
     return whole(rrb.Tabs(*own, _tab("Run", run), rest_of, active_tab=0), "collapsed", "expanded", "following")
 
 
-def whole(content: rrb.Container, panels: str, top: str, play: str, timeline: str = TIMELINE) -> rrb.Blueprint:
+def whole(content: rrb.Container, panels: str, top: str, play: str) -> rrb.Blueprint:
     """Return a blueprint of a content and the states of the viewer's panels, of its top bar and of its playing."""
     import rerun.blueprint as rrb
 
     return rrb.Blueprint(
         content,
         rrb.TopPanel(state=top),
-        rrb.TimePanel(state=panels, timeline=timeline, play_state=play),
+        rrb.TimePanel(state=panels, timeline=TIMELINE, play_state=play),
         rrb.BlueprintPanel(state=panels),
         rrb.SelectionPanel(state=panels),
     )
@@ -391,21 +385,19 @@ def _moments(pages: Pages, curves: MomentCurves, column: list[Moment], axis: rrb
     return views
 
 
-def _run_columns(pages: Pages, present: set[str], axis: rrb.TimeAxis) -> list[list]:
-    left, right = (_plots(pages, present, plots, axis) for plots in (pages.run_left, pages.run_right))
+def _whole_run(pages: Pages, present: set[str], axis: rrb.TimeAxis) -> tuple[list[list], list, dict[str, list]]:
+    """Return the columns of the plots of a whole run, the plots of all other signals, and those of the rig's own pages by name."""
+    import rerun.blueprint as rrb
+
+    there = present | {name for name, (_, source) in pages.rates.items() if source in present}
+    own = {name: views for name, plots in pages.more_pages.items() if (views := _plots(pages, there, plots, axis))}
+    left, right = (_plots(pages, there, plots, axis) for plots in (pages.run_left, pages.run_right))
     if pages.box is None:  # what drives and what presses may have any number of plots; a single one would fill its column
         views = left + right
         left, right = views[: (len(views) + 1) // 2], views[(len(views) + 1) // 2 :]
-    return [_states(pages, present, "States", pages.states, axis) + left, right]
-
-
-def _states(pages: Pages, present: set[str], title: str, names: Iterable[str], axis: rrb.TimeAxis) -> list:
-    import rerun.blueprint as rrb
-
-    contents = _contents(pages, present, names)
-    if not contents:
-        return []
-    return [rrb.StateTimelineView(name=title, origin="/", contents=contents, time_view=axis)]
+    lanes = _contents(pages, present, pages.states)
+    states = [rrb.StateTimelineView(name="States", origin="/", contents=lanes, time_view=axis)] if lanes else []
+    return [states + left, right], _plots(pages, there, pages.other_plots, axis), own
 
 
 def _plots(pages: Pages, present: set[str], plots: Iterable[tuple[str, Sequence[str]]], axis: rrb.TimeAxis) -> list:
@@ -429,7 +421,8 @@ def _contents(pages: Pages, present: set[str], names: Iterable[str]) -> list[str
     return ["/" + entity(pages.signal(name)) for name in names if name in present]
 
 
-def _range(window: tuple[float, float]) -> rr.TimeRange:
+def time_range(window: tuple[float, float]) -> rr.TimeRange:
+    """Return a window [s] as the range of a time axis."""
     import rerun as rr
 
     start, end = (rr.TimeRangeBoundary.absolute(seconds=t) for t in window)

@@ -9,10 +9,7 @@ full queue drops its oldest message, the server its oldest data, and the live vi
 
 from __future__ import annotations
 
-import ctypes
-import signal
 import socket
-import subprocess
 import tempfile
 import threading
 import time
@@ -29,9 +26,10 @@ from . import layout
 from .blocks import Blocks
 from .convert import import_rerun
 from .curves import log_state_styles, log_style, times
-from .document import event_row
+from .document import event_row, markdown_table
 from .pages import Pages
-from .viewer import PR_SET_PDEATHSIG, program, surroundings
+from .recorded import derivative
+from .viewer import child, surroundings
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -84,16 +82,9 @@ class Server:
         self.url = f"rerun+http://127.0.0.1:{self.port}/proxy"
         self._folder = tempfile.TemporaryDirectory(prefix="rig-live-")
         self._words = tempfile.TemporaryFile()
-        libc = ctypes.CDLL(None)
-        self.process = subprocess.Popen(
-            [program(), "--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port), "--server-memory-limit", memory],
-            env={**surroundings(Path(self._folder.name)), "TMPDIR": self._folder.name, "RUST_LOG": "warn"},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=self._words,
-            start_new_session=True,
-            preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),
-        )
+        environment = {**surroundings(Path(self._folder.name)), "TMPDIR": self._folder.name, "RUST_LOG": "warn"}
+        where = ["--serve-grpc", "--bind", "127.0.0.1", "--port", str(self.port), "--server-memory-limit", memory]
+        self.process = child(where, environment, self._words)
         try:
             self._wait()
         except BaseException:
@@ -273,23 +264,15 @@ class Sender:
             return
         self._reported_at = time.monotonic()
         rows = [
+            ("", ""),
             ("time of the rig", f"{self._newest:.1f} s"),
-            ("messages", self.received),
-            ("dropped here", self.dropped),
-            ("lost on the way", self.lost),
-            ("unreadable", self.unreadable),
+            ("messages", str(self.received)),
+            ("dropped here", str(self.dropped)),
+            ("lost on the way", str(self.lost)),
+            ("unreadable", str(self.unreadable)),
         ]
-        text = "\n".join(
-            [
-                f"# {self._title}",
-                "",
-                "The metrics of the shifts come with the report of the run.",
-                "",
-                "| | |",
-                "|---|--:|",
-                *(f"| {name} | {value} |" for name, value in rows),
-            ]
-        )
+        said = "The metrics of the shifts come with the report of the run."
+        text = "\n\n".join([f"# {self._title}", said, markdown_table(rows)])
         document = self.rr.TextDocument.columns(text=[text], media_type=["text/markdown"])
         # rec.log would add the wall clock as a second time
         self._rec.send_columns("report", [times(self.rr, [self._newest])], document)
@@ -301,6 +284,7 @@ class _Shown:
     def __init__(self, pages: Pages, topic: Topic) -> None:
         self.topic, self._pages = topic, pages
         self._signals = pages.known.on_topic(topic.name)
+        self._rates = [(one, name) for one, name in pages.rates.values() if pages.known.signal(name).topic == topic.name]
         self._blocks = Blocks(topic)
         self._last: int | None = None  # sequence number of the newest message
         self._states: dict[str, int] = {}
@@ -309,7 +293,7 @@ class _Shown:
         """Log names and colours to a new recording."""
         self._last = None
         self._states.clear()
-        for shown in self._signals:
+        for shown in (*self._signals, *(one for one, _ in self._rates)):
             (log_state_styles if shown.states else log_style)(rr, rec, self._pages, shown)
 
     def send(self, rr: ModuleType, rec: RecordingStream, messages: list[bytes], newest: float) -> tuple[int, int]:
@@ -322,6 +306,8 @@ class _Shown:
         try:
             for shown in self._signals:
                 self._send_signal(rr, rec, shown, t, block.values(shown))
+            for rate, name in self._rates:
+                self._send_signal(rr, rec, rate, *derivative(t, block.values(self._pages.known.signal(name)).astype(float)))
             if self.topic.ros_type == EVENT:
                 self._send_events(rr, rec, t, block.whole)
         except ValueError:
@@ -330,7 +316,9 @@ class _Shown:
 
     def _send_signal(self, rr: ModuleType, rec: RecordingStream, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         if not signal.states:
-            rec.send_columns(layout.entity(signal), [times(rr, t)], rr.Scalars.columns(scalars=signal.shown(values.astype(float))))
+            if len(t):
+                columns = rr.Scalars.columns(scalars=signal.shown(values.astype(float)))
+                rec.send_columns(layout.entity(signal), [times(rr, t)], columns)
             return
         # each block begins with the present state, because the server drops old data, and with it a state that lasts long
         change = np.flatnonzero(np.diff(values.astype(int), prepend=-1) != 0)

@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..analysis import LONGEST, RPM, Part, shift_metrics, without_slip
+from ..analysis import LOGGER, LONGEST, RPM, Part, shift_metrics, without_slip
 from ..bags import UNREADABLE, Recording, cdr
 from ..base import RigError
 from ..rig import NEUTRAL
 from . import layout
-from .curves import LOGGER_TOPIC, NO_TEXT, OWN_TOPIC, fits, log_state_styles, state_of, style, thinned, times
+from .curves import NO_TEXT, OWN_TOPIC, fits, log_state_styles, state_of, style, thinned, times
 from .figure_of_shift import marks_of, stretches_of
 from .pages import ALARM, WAITING, Colour, Pages, Plots
 from .palette import OTHER, RULE, rgb
+from .recorded import rows_of, samples_in
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from rerun import RecordingStream
 
     from ..bags import Bag, OpenedBags
+    from .figure import Stretch
 
 EVENT = "rig_msgs/msg/Event"
 SPARE = 0.1  # s read before and after a moment, because the log time of a message may differ from the time of its values
@@ -119,16 +121,22 @@ def shift_page(pages: Pages, columns: Sequence[Sequence[layout.Shift]], rows: Se
     )
 
 
-def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
+def lanes_of(stretches: Iterable[Stretch]) -> dict[str, list[tuple[Part, Colour]]]:
+    """Return a shift's phases, of a figure in ms, as bars by their lane with times in s.
+
+    A lane shows one phase at a time; one that overlaps another has its own.
+    """
     lanes: dict[str, list[tuple[Part, Colour]]] = {}
-    marks = (0.0,)
-    if row is not None:
-        for one in stretches_of(row, shift.box):  # a lane shows one phase at a time; one that overlaps another has its own
-            apart = any(1e-3 * one.start < part.end - 1e-9 for part, _ in lanes.get("phases", []))
-            part = Part(one.texts[1], 1e-3 * one.start, 1e-3 * one.end)
-            lanes.setdefault(one.kind if apart else "phases", []).append((part, rgb(one.kind)))
-        if not overlaid:
-            marks = tuple(1e-3 * one.t for one in marks_of(row, shift.box))
+    for one in stretches:
+        part = Part(one.texts[1], 1e-3 * one.start, 1e-3 * one.end)
+        apart = any(part.start < other.end - 1e-9 for other, _ in lanes.get("phases", []))
+        lanes.setdefault(one.kind if apart else "phases", []).append((part, rgb(one.kind)))
+    return lanes
+
+
+def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
+    lanes = {} if row is None else lanes_of(stretches_of(row, shift.box))
+    marks = (0.0,) if row is None or overlaid else tuple(1e-3 * one.t for one in marks_of(row, shift.box))
     start, end = shift.window
     return Moment(f"shift_{shift.number}", shift.title, shift.order, start - shift.order, end - shift.order, marks, lanes, {})
 
@@ -203,35 +211,27 @@ class Reader:
             Log time less stamp of the bag's messages [ns].
         """
         self._index, self._pages, self._offset = index, pages, offset
-        self._columns = {topic: small.columns(topic) for topic in (LOGGER_TOPIC, OWN_TOPIC) if index.counts.get(topic)}
+        self._columns = {topic: small.columns(topic) for topic in (LOGGER, OWN_TOPIC) if index.counts.get(topic)}
 
     def read(self, names: Iterable[str], start: float, end: float) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return times [s] and values [SI] of signals from ``start`` to ``end``, as far as the bag has them."""
         names = list(names)
-        logged = self._columns.get(LOGGER_TOPIC, [])
-        topics = {self._pages.known.signal(name).topic for name in names if name not in logged}
-        if set(names) & set(logged):
-            topics.add(LOGGER_TOPIC)
+        logged = self._columns.get(LOGGER, [])
+        topics = {LOGGER if name in logged else self._pages.known.signal(name).topic for name in names}
         piece = self._piece(topics, start, end)
-        found = {}
-        rows = _rows(piece) if piece.counts.get(LOGGER_TOPIC) else {}
-        for name in names:
-            signal = self._pages.known.signal(name)
-            if name in rows:
-                found[name] = rows[name]
-            elif name not in logged and piece.counts.get(signal.topic) and piece.has_field(signal):
-                found[name] = piece.series(signal)
-        return {name: _between(t, values, start, end) for name, (t, values) in found.items()}
+        nothing = dict.fromkeys(logged, (np.empty(0), np.empty(0)))  # what the logger has is not taken from elsewhere
+        found = samples_in(piece, self._pages, names, nothing | rows_of(piece))
+        return {name: _between(t, values, start, end) for name, t, values in found}
 
     def recording(
         self, order: tuple[float, int, int], start: float = SPARE + layout.BEFORE, end: float = LONGEST
     ) -> Recording | None:
         """Return the logger's rows from ``start`` before an order to ``end`` behind it [s]; None without them."""
-        piece = self._piece([LOGGER_TOPIC], order[0] - start - SPARE, order[0] + end + SPARE)
-        if not piece.counts.get(LOGGER_TOPIC):
+        piece = self._piece([LOGGER], order[0] - start - SPARE, order[0] + end + SPARE)
+        if not piece.counts.get(LOGGER):
             return None
         try:
-            logger = piece.logger(LOGGER_TOPIC, fill=True)
+            logger = piece.logger(LOGGER, fill=True)
             return Recording(logger.t0, logger.period, logger.channels, [order], self._pages.box)
         except (*UNREADABLE, RigError):
             return None
@@ -260,15 +260,6 @@ def metrics_of(reader: Reader, shifts: Iterable[layout.Shift], ends: Mapping[flo
         if (recording := reader.recording(order)) is not None and shift.after in shift.box.ratios:
             rows.append(shift_metrics(recording, order, ends.get(shift.order)))
     return rows
-
-
-def _rows(piece: Bag) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    try:
-        logger = piece.logger(LOGGER_TOPIC, fill=True)
-    except RigError:
-        return {}  # the curves of the whole run report the reason
-    t = logger.time()
-    return {name: (t, values) for name, values in logger.channels.items()}
 
 
 def _between(t: np.ndarray, values: np.ndarray, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
@@ -314,16 +305,10 @@ class MomentCurves:
         self.heights = {title: height for title, plot in page.plots if (height := self._height(plot)) is not None}
 
     def _height(self, names: Sequence[str]) -> tuple[float, float] | None:
-        low, high = np.inf, -np.inf
-        for _, found in self._data:
-            for name in names:
-                values = self._shown(name, found[name][1]) if name in found else np.empty(0)
-                values = values[np.isfinite(values)]
-                if len(values):
-                    low, high = min(low, float(values.min())), max(high, float(values.max()))
-        if low > high:
-            return None
-        return layout.height(low, high)
+        parts = [self._shown(name, found[name][1]) for _, found in self._data for name in names if name in found]
+        values = np.concatenate([np.empty(0), *parts])
+        values = values[np.isfinite(values)]
+        return layout.height(float(values.min()), float(values.max())) if len(values) else None
 
     def _shown(self, name: str, values: np.ndarray) -> np.ndarray:
         return self._pages.known.signal(name).shown(values)
@@ -343,7 +328,7 @@ class MomentCurves:
                     lasts = np.diff(np.append(since, moment.end)) * width
                     states = [state_of(signal, value, px) for value, px in zip(values[change], lasts)]
                     log_state_styles(rr, rec, self._pages, signal, place)
-                    self._send_states(rr, rec, place, since, states, moment.end)
+                    _send_states(rr, rec, place, since, states, moment.end)
                 else:
                     rec.log(place, style(rr, self._pages, signal), static=True)
                     rec.send_columns(place, [times(rr, t - moment.zero)], rr.Scalars.columns(scalars=signal.shown(values)))
@@ -353,46 +338,52 @@ class MomentCurves:
                 rec.log(place, line, static=True)
                 rec.send_columns(place, [times(rr, t)], rr.Scalars.columns(scalars=self._shown(like, values)))
             for lane, bars in moment.lanes.items():
-                self._send_lane(rr, rec, f"{moment.root}/{lane}", bars, moment.end, width)
-            self._send_marks(rr, rec, moment)
+                send_lane(rr, rec, f"{moment.root}/{lane}", bars, moment.end, width)
+            for title, height in self.heights.items():
+                send_marks(rr, rec, f"{moment.root}/{layout.mark_entity(title)}", moment.start, moment.marks, height)
 
-    def _send_lane(
-        self, rr: ModuleType, rec: RecordingStream, place: str, bars: list[tuple[Part, Colour]], end: float, width: float
-    ) -> None:
-        """Send bars; the text of a bar that is too short for it is placed after the last bar."""
-        if not bars:
-            return  # the run ended before the first of them
-        looks: dict[str, tuple[str, tuple[int, ...]]] = {}
-        at, states, beside = [], [], []
-        for n, (part, colour) in enumerate(bars):
-            inside = fits(part.name, (part.end - part.start) * width)
-            state = f"{n + 1}"
-            looks[state] = (part.name if inside else NO_TEXT, (*colour, 255))
-            beside += [] if inside else [part.name]
-            at.append(part.start)
-            states.append(state)
-            following = bars[n + 1][0].start if n + 1 < len(bars) else None
-            if following is None or following > part.end + 1e-4:
-                at.append(part.end)
-                states.append("beside" if following is None and beside else "")
-        looks["beside"] = (", ".join(beside), BEHIND)
-        kept = {state: look for state, look in looks.items() if state in states}
-        values, (labels, colours) = list(kept), zip(*kept.values())
-        colours = np.array([int.from_bytes(bytes(colour), "big") for colour in colours], np.uint32)
-        rec.log(place, rr.StateConfiguration(values=values, labels=list(labels), colors=colours), static=True)
-        self._send_states(rr, rec, place, np.array(at), states, end)
 
-    def _send_states(self, rr: ModuleType, rec: RecordingStream, place: str, t: np.ndarray, states: list[str], end: float) -> None:
-        """Send states and, at the end of the moment, an empty one, so that a lane ends there."""
-        if end > t[-1]:
-            t, states = np.append(t, end), [*states, ""]
-        rec.send_columns(place, [times(rr, t)], rr.StateChange.columns(state=states))
+def send_lane(rr: ModuleType, rec: RecordingStream, place: str, bars: list[tuple[Part, Colour]], end: float, width: float) -> None:
+    """Send bars to a place, up to a time [s] at which the lane ends.
 
-    def _send_marks(self, rr: ModuleType, rec: RecordingStream, moment: Moment) -> None:
-        for title, (low, high) in self.heights.items():
-            place = f"{moment.root}/{layout.mark_entity(title)}"
-            t = np.append(moment.start, np.repeat(moment.marks, 3))
-            values = np.append(np.nan, np.tile([low, high, np.nan], len(moment.marks)))
-            # both ends of a line lie at the same time; averaging would reduce them to a point
-            rec.log(place, rr.SeriesLines(names="marks", colors=rgb(RULE), widths=1.0, aggregation_policy="Off"), static=True)
-            rec.send_columns(place, [times(rr, t)], rr.Scalars.columns(scalars=values))
+    The text of a bar that is too short for it, at ``width`` pixels a second, is placed after the last bar.
+    """
+    if not bars:
+        return  # the run ended before the first of them
+    looks: dict[str, tuple[str, tuple[int, ...]]] = {}
+    at, states, beside = [], [], []
+    for n, (part, colour) in enumerate(bars):
+        inside = fits(part.name, (part.end - part.start) * width)
+        state = f"{n + 1}"
+        looks[state] = (part.name if inside else NO_TEXT, (*colour, 255))
+        beside += [] if inside else [part.name]
+        at.append(part.start)
+        states.append(state)
+        following = bars[n + 1][0].start if n + 1 < len(bars) else None
+        if following is None or following > part.end + 1e-4:
+            at.append(part.end)
+            states.append("beside" if following is None and beside else "")
+    looks["beside"] = (", ".join(beside), BEHIND)
+    kept = {state: look for state, look in looks.items() if state in states}
+    values, (labels, colours) = list(kept), zip(*kept.values())
+    colours = np.array([int.from_bytes(bytes(colour), "big") for colour in colours], np.uint32)
+    rec.log(place, rr.StateConfiguration(values=values, labels=list(labels), colors=colours), static=True)
+    _send_states(rr, rec, place, np.array(at), states, end)
+
+
+def _send_states(rr: ModuleType, rec: RecordingStream, place: str, t: np.ndarray, states: list[str], end: float) -> None:
+    """Send states and, at the end of the moment, an empty one, so that a lane ends there."""
+    if end > t[-1]:
+        t, states = np.append(t, end), [*states, ""]
+    rec.send_columns(place, [times(rr, t)], rr.StateChange.columns(state=states))
+
+
+def send_marks(
+    rr: ModuleType, rec: RecordingStream, place: str, start: float, marks: Sequence[float], height: tuple[float, float]
+) -> None:
+    """Send upright lines of a plot to a place: at some times [s], with nothing before them from ``start`` on."""
+    t = np.append(start, np.repeat(marks, 3))
+    values = np.append(np.nan, np.tile([*height, np.nan], len(marks)))
+    # both ends of a line lie at the same time; averaging would reduce them to a point
+    rec.log(place, rr.SeriesLines(names="marks", colors=rgb(RULE), widths=1.0, aggregation_policy="Off"), static=True)
+    rec.send_columns(place, [times(rr, t)], rr.Scalars.columns(scalars=values))

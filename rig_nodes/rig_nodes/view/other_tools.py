@@ -25,23 +25,24 @@ if TYPE_CHECKING:
 
 
 def tabs(pages: Pages) -> list[tuple[str, list[list[tuple[str, list[str]]]]]]:
-    """Return the tabs as (title, columns of (plot title, signals)), with the states first, as in the project's own view."""
-    others = _lists(pages.other_plots)
+    """Return the tabs as (title, columns of (plot title, signals)), with the states first, as in the project's own view.
+
+    Time derivatives, which no topic carries, are left out.
+    """
+
+    def lists(plots: Iterable[tuple[str, Sequence[str]]]) -> list[tuple[str, list[str]]]:
+        return [(title, list(names)) for title, names in plots if not pages.rates.keys() & set(names)]
+
+    others = lists(pages.other_plots)
     half = (len(others) + 1) // 2
-    shift = [("Shift", [[("States", list(pages.shift_states)), *_lists(pages.shift_plots)]])] if pages.shift_plots else []
-    return [
-        *shift,
-        (
-            "Run",
-            [[("States", list(pages.states)), *_lists(pages.run_left)], *([_lists(pages.run_right)] if pages.run_right else [])],
-        ),
-        *((name, [_lists(plots)]) for name, plots in pages.more_pages.items()),
-        ("Other signals", [half_of for half_of in (others[:half], others[half:]) if half_of]),
+    found = [
+        ("Shift", [[("States", list(pages.shift_states)), *lists(pages.shift_plots)]] if pages.shift_plots else []),
+        ("Run", [[("States", list(pages.states)), *lists(pages.run_left)], lists(pages.run_right)]),
+        *((name, [lists(plots)]) for name, plots in pages.more_pages.items()),
+        ("Other signals", [others[:half], others[half:]]),
     ]
-
-
-def _lists(plots: Iterable[tuple[str, Sequence[str]]]) -> list[tuple[str, list[str]]]:
-    return [(title, list(names)) for title, names in plots]
+    kept = [(title, [column for column in columns if column]) for title, columns in found]
+    return [one for one in kept if one[1]]
 
 
 def write_layout(tool: str, path: Path, pages: Pages) -> None:

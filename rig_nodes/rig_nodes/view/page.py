@@ -3,7 +3,7 @@
 
 """Self-contained HTML pages of words, tables and figures, light or dark as the reader's screen; they print on A4.
 
-view.page_of_report and view.page_of_compare make one; the markup is in templates/page.html.
+view.page_of_report makes one; the markup is in templates/page.html.
 """
 
 from __future__ import annotations
@@ -79,11 +79,13 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], css: str = "") ->
     return [Part("table", css=css, head=head, rows=found)] if found else []
 
 
-def figures(descriptions: Iterable[Description], name: str) -> list[Part]:
-    """Return figures, which look as :func:`view.draw.draw_figure` draws them; ``name`` is one that no others of the page have."""
+def figures(descriptions: Sequence[Description], name: str, count: int = 0) -> list[Part]:
+    """Return figures as :func:`view.draw.draw_figure` draws them under a name of their own, with a note where ``count`` is more."""
     from .draw import PHONE, inline
 
-    return [
+    note = f"Figures of the first {len(descriptions)} of {count} {name}s." if count > len(descriptions) else ""
+    drawn = [
         Part("figure", one.title, wide=inline(one, f"{name}{n}"), stacked=inline(one, f"{name}{n}p", PHONE))
         for n, one in enumerate(descriptions)
     ]
+    return drawn + words([note], "note")

@@ -1,7 +1,10 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The report of a run, or of a folder of runs, as one self-contained HTML page; `rig report --html` writes it."""
+"""The report of a run or of a folder of runs, or a comparison, as one self-contained HTML page.
+
+`rig report --html` and `rig compare --html` write it.
+"""
 
 from __future__ import annotations
 
@@ -23,33 +26,41 @@ from ..analysis import (
     Result,
     begun_lines,
     bench_lines,
+    clock_lines,
     counted,
-    energy_names,
     measured_lines,
+    metric_tables,
     named_metrics,
     number,
     range_text,
+    reasons,
     results_of,
     sentence_of,
     shift_name,
+    short_names,
     shown,
     shown_transmission,
+    signal_tables,
     spread_cells,
+    trip_lines,
     undefined_lines,
     verdicts_in,
-    without_trips,
 )
 from ..rig import Transmission
+from .facts import MADE, energy_rows, facts_of, problems_of
+from .figure_of_compare import figures_of_compare
+from .figure_of_shift import MOST
 from .page import Part, figures, lines, page, table, words
 
 if TYPE_CHECKING:
+    from ..analysis import Comparison
     from .figure import Description
     from .page import Cell
+    from .pages import Pages
 
 ABREAST = 4  # shifts side by side in a table
 MOST_IN_TABLES = 24  # largest number of shifts whose metrics are on the page
 MOST_SETTINGS = 60
-HOW = {"simulate": "simulated without messages", "run": "run on the node graph"}
 
 
 @dataclass
@@ -97,17 +108,15 @@ def report_page(report: Mapping, facts: Facts, shifts: Sequence[Description], ru
     title = ": ".join(str(one) for one in (rig, run.get("sequence")) if one) or "Report"
     box = shown_transmission(dict(report)) if "bench" not in report else None
     about = [str(run["description"])] if run.get("description") else []
-    more = len(report["shifts"]) - len(shifts)
-    note = [f"Figures of the first {len(shifts)} shifts; {more} more are in the bag."] if shifts and more > 0 else []
     drawn = [("The run", figures(runs, "run"))]  # of a rig without gears it has the results
     return page(
         title,
         [
             ("", [*words(about), *_summary(report)]),
             ("Warnings", _warnings(report, facts, box)),
-            ("Shifts", [*figures(shifts, "shift"), *words(note, "note")]),
+            ("Shifts", figures(shifts, "shift", len(report["shifts"]) if shifts else 0)),
             *([] if box else drawn),
-            ("What was run", _what_was_run(run)),
+            ("What was run", table((), [one for one in facts_of(report).items() if one[0] in MADE], "text")),
             ("Limits", _limits(report.get("limits") or [])),
             *(_of_gears(report, box) if box else _of_bench(report)),
             *(drawn if box else []),
@@ -143,13 +152,7 @@ def _summary(report: Mapping) -> list[Part]:
 
 
 def _warnings(report: Mapping, facts: Facts, box: Transmission | None) -> list[Part]:
-    run, sentences = report["run"], list(facts.warnings)
-    end = run.get("end")
-    if isinstance(end, Mapping) and end.get("state") not in (None, "ended"):
-        sentences.append(f"The run did not end as planned: {end.get('reason') or 'the reason is unknown'}.")
-    if off := without_trips(run):
-        sentences.append(f"{off[0].upper()}{off[1:]}.")
-    sentences += run.get("problems", [])
+    sentences = [*problems_of(report, facts.warnings), *trip_lines(report["run"])]
     for place, (row, verdict) in enumerate(zip(report["shifts"], verdicts_in(report)), 1):
         name = heading_of(place, row, box) if box else ""
         sentences += [f"{name}, is {sentence_of(verdict)}."] if _bad(verdict) else []
@@ -159,28 +162,6 @@ def _warnings(report: Mapping, facts: Facts, box: Transmission | None) -> list[P
 
 def _bad(verdict: Mapping | None) -> bool:
     return verdict is not None and verdict["grade"] in (POOR, FAILED)
-
-
-def _what_was_run(run: Mapping) -> list[Part]:
-    controller, parameters, end = run.get("controller") or {}, run.get("parameters") or {}, run.get("end")
-    rows = [
-        ("rig", (run.get("configuration") or {}).get("name")),
-        ("sequence", run.get("sequence")),
-        ("parameters", ", ".join(f"{name} = {value}" for name, value in parameters.items())),
-        ("how", HOW.get(run.get("mode", ""), run.get("mode"))),
-        ("controller", _controller(controller)),
-        ("duration", None if run.get("duration_s") is None else f"{run['duration_s']:.2f} s"),
-        ("end", end.get("reason") if isinstance(end, Mapping) else end),
-    ]
-    return table((), [(name, str(value)) for name, value in rows if value], "text")
-
-
-def _controller(controller: Mapping) -> str:
-    if not controller:
-        return ""
-    delay = controller.get("delay")
-    late = "" if delay in (None, 1) else f", answers act {delay} samples later"
-    return f"{controller.get('name')} at level {controller.get('level')}{late}"
 
 
 def _limits(verdicts: Sequence[Mapping]) -> list[Part]:
@@ -289,13 +270,7 @@ def _energy(report: Mapping, box: Transmission | None) -> list[Part]:
     parts: list[Part] = []
     for first in range(0, len(accounts), ABREAST):
         part = accounts[first : first + ABREAST]
-        rows = [
-            [f"{text} [J]", *("-" if one[f"{name}_j"] is None else f"{one[f'{name}_j']:z.0f}" for _, one in part)]
-            for name, text in energy_names(box).items()
-            if any(one.get(f"{name}_j") is not None for _, one in part)
-        ]
-        rows.append(["unaccounted [J]", *(f"{one['residual_j']:z.2f}" for _, one in part)])
-        parts += table(["energy", *(name for name, _ in part)], rows)
+        parts += table(["energy [J]", *(name for name, _ in part)], energy_rows([one for _, one in part], box))
     return parts
 
 
@@ -312,27 +287,10 @@ def _settings(facts: Facts) -> list[Part]:
 
 
 def _provenance(report: Mapping, facts: Facts, box: Transmission | None) -> list[Part]:
-    run, rows = report["run"], list(facts.source)
-    late = run.get("lateness_ms")
-    parent = run.get("parent") or {}
-    rows += [(f"version of {name}", str(version)) for name, version in (run.get("versions") or {}).items()]
-    if record := run.get("configuration"):
+    rows = [*facts.source, *((name, value) for name, value in facts_of(report).items() if name not in MADE)]
+    if record := report["run"].get("configuration"):
         digest = hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
         rows.append(("configuration", f"rig {record.get('name')}, SHA-256 of its record {digest[:16]}"))
-    rows += [("seed", str(run["seed"]))] if run.get("seed") is not None else []
-    if any(value is not None for value in run.values()):
-        rows.append(("messages lost", "unknown" if run.get("lost") is None else str(run["lost"])))
-    rows += [("recorded from", f"{run['recorded_from_s']:.3f} s")] if run.get("recorded_from_s") else []
-    if late:
-        shown = ", ".join(
-            f"{name} {late[key]:.2f}"
-            for key, name in (("p50", "median"), ("p99", "p99"), ("max", "largest"))
-            if late.get(key) is not None
-        )
-        rows.append(("lateness of ticks", f"{shown} ms; {run['overruns']} of {run['ticks']} ticks more than one tick late"))
-    if parent:
-        rows.append(("parent", f"{parent.get('bag')}, run again through {parent.get('through')}"))
-        rows.append(("hash of the parent", str(parent.get("hash"))))
     if (basis := report.get("basis")) and box is not None and (report["shifts"] or any((report.get("measured") or {}).values())):
         taken = ", which were taken because the recording does not name its own" if basis.get("taken") else ""
         rows.append(
@@ -393,3 +351,31 @@ def campaign_page(
             ("Spread over all runs", table(["of", "result", "unit", "values", *ends], numbers)),
         ],
     )
+
+
+# ---- a comparison
+
+
+def compare_page(found: Comparison, pages: Pages) -> str:
+    """Return the page of a comparison: each shift of all recordings over each other, clocks, metrics and signals.
+
+    Parameters
+    ----------
+    found : Comparison
+        The comparison.
+    pages : Pages
+        The pages of the first recording's rig.
+    """
+    assert pages.box is not None  # runs with shifts are compared
+    clocks = [
+        [name, f"{clock.offset * 1e3:z.2f}", f"{clock.drift * 1e6:z.1f}", clock.by if n else "the first clock"]
+        for n, (name, clock) in enumerate(zip(short_names(found.names), found.clocks))
+    ]
+    drawn = figures_of_compare(found, pages)
+    about = table(["recording", "offset ms", "drift ppm", "aligned by"], clocks)
+    about += words(line.strip() for line in clock_lines(found) if line.startswith("  "))
+    metrics = [part for head, rows in metric_tables(found, pages.box) for part in table(head, rows)]
+    signals = [part for head, rows in signal_tables(found, pages.known.signals) for part in table(head, rows)]
+    signals += words([f"-: {line}" for line in reasons(found, pages.box)], "note")
+    about += figures(drawn[:MOST], "shift", len(drawn))
+    return page("Comparison", [("", about), ("Metrics of shifts", metrics), ("Signals", signals)])

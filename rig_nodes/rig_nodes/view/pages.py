@@ -107,15 +107,16 @@ def rates_of(known: Catalogue, structure: Structure) -> dict[str, tuple[Signal, 
     """Return the time derivatives that a rig's plots show, by name: a signal that no topic carries, and whose derivative it is."""
     found: dict[str, tuple[Signal, str]] = {}
     for name in (name for plots in structure.view.values() for one in plots if one.over == RATE for name in one.signals):
-        of, unit = known.signal(name), rate_unit(known.signal(name))
+        of = known.signal(name)
+        unit = f"{of.unit.removesuffix('/s')}/s{'²' * of.unit.endswith('/s')}"
         signal = Signal(f"{name}_rate", of.quantity, unit, unit, 1.0, -1e9, 1e9, "", "", of.sign, f"Time derivative of {name}.")
         found[signal.name] = signal, name
     return found
 
 
-def rate_unit(signal: Signal) -> str:
-    """Return the unit of a signal's time derivative."""
-    return f"{signal.unit.removesuffix('/s')}/s{'²' * signal.unit.endswith('/s')}"
+def _over_time(plot: OwnPlot) -> OwnPlot:
+    """Return a plot of time derivatives as one of the signals of :func:`rates_of`, and any other as it is."""
+    return OwnPlot(plot.title, tuple(f"{name}_rate" for name in plot.signals)) if plot.over == RATE else plot
 
 
 class Pages:
@@ -138,10 +139,8 @@ class Pages:
         self.plates: dict[str, Plates] = plates_of(record, self.structure)
         self.box: Transmission | None = transmission_of(record) if self.structure.gears else None
         self.rates: dict[str, tuple[Signal, str]] = rates_of(self.known, self.structure)
-        self._own: dict[str, Plots] = {
-            page: tuple((one.title, one.signals) for one in plots if one.over != RATE)
-            for page, plots in self.structure.view.items()
-        }
+        self._view = {page: tuple(map(_over_time, plots)) for page, plots in self.structure.view.items()}
+        self._own: dict[str, Plots] = {page: tuple((one.title, one.signals) for one in plots) for page, plots in self._view.items()}
 
     # ---- names of signals
 
@@ -241,19 +240,9 @@ class Pages:
         return {name: plots for name, plots in self._own.items() if name not in OWN}
 
     @cached_property
-    def rate_plots(self) -> dict[str, Plots]:
-        """The plots of time derivatives by the page that the rig's folder puts them on."""
-        plots = {page: [one for one in ones if one.over == RATE] for page, ones in self.structure.view.items()}
-        return {
-            page: tuple((one.title, tuple(f"{name}_rate" for name in one.signals)) for one in ones)
-            for page, ones in plots.items()
-            if ones
-        }
-
-    @cached_property
     def questions(self) -> dict[str, tuple[OwnPlot, ...]]:
         """The pages of a run by name, in the order in which they are looked at: those of the rig's folder, then the whole run."""
-        own = {name: plots for name, plots in self.structure.view.items() if name not in OWN}
+        own = {name: plots for name, plots in self._view.items() if name not in OWN}
         return {**own, "Run": tuple(OwnPlot(title, names) for title, names in (*self.run_left, *self.run_right))}
 
     @property

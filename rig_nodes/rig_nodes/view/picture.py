@@ -8,11 +8,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import io
-import signal
 import socket
-import subprocess
 import tempfile
 import threading
 import time
@@ -24,9 +21,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base import MAKER, RigError, atomic_write
-from .viewer import PR_SET_PDEATHSIG, program, surroundings
+from .viewer import child, surroundings
 
 if TYPE_CHECKING:
+    import subprocess
     from types import TracebackType
     from typing import TypeVar
 
@@ -237,25 +235,5 @@ def _start(source: str, size: tuple[int, int], driver: Path, folder: Path) -> tu
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    libc = ctypes.CDLL(None)
-    viewer = subprocess.Popen(
-        [
-            program(),
-            "--headless",
-            "--bind",
-            "127.0.0.1",
-            "--port",
-            str(port),
-            "--hide-welcome-screen",
-            "--window-size",
-            f"{size[0]}x{size[1]}",
-            source,
-        ],
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        # the viewer must end when this command is killed
-        preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),
-    )
-    return viewer, port
+    where = ["--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
+    return child([*where, "--window-size", f"{size[0]}x{size[1]}", source], environment), port

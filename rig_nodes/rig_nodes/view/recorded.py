@@ -3,12 +3,13 @@
 
 """A recording of any length in the size of a figure: extremes of its signals, and a stretch of time with all samples.
 
-view.figure_of_run draws them; the bag is read piece by piece.
+The figures of runs and shifts and the viewer's file take their samples from here; the bag is read piece by piece.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,13 +18,14 @@ from ..bags import PIECE, Bag
 from ..base import RigError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from .pages import Pages
 
 BINS = 900  # stretches of time of a figure, about one a pixel
 BESIDE = 4  # stretches on both sides, which the envelope of a band takes too, so that it holds periods of up to 9 of them
+OVER = 0.05  # s of a mean for a time derivative
 
 
 class Envelope:
@@ -88,6 +90,17 @@ class Envelope:
         return np.subtract(high, low, out=np.zeros(len(low)), where=self.filled)
 
 
+@dataclass(frozen=True)
+class Samples:
+    """Times (n,) [s] and values (n,) [SI] of a signal."""
+
+    time: np.ndarray
+    values: np.ndarray
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.asarray(self.values, dtype)
+
+
 def envelopes_of(path: str | Path, pages: Pages, names: Collection[str], span: tuple[float, float]) -> dict[str, Envelope]:
     """Return the extremes of signals, in the unit that people read; those without a sample are left out.
 
@@ -104,34 +117,63 @@ def envelopes_of(path: str | Path, pages: Pages, names: Collection[str], span: t
     """
     found: dict[str, Envelope] = {}
     for name, t, values in samples_of(path, pages, names):
-        found.setdefault(name, Envelope(*span)).add(t, pages.known.signals[name].shown(values))
+        found.setdefault(name, Envelope(*span)).add(t, pages.signal(name).shown(values))
     return {name: one for name, one in found.items() if one.filled.any()}
 
 
-def stretch_of(
-    path: str | Path, pages: Pages, names: Collection[str], span: tuple[float, float]
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return times (n,) [s] and values (n,) of signals between two times; arguments as for :func:`envelopes_of`."""
-    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
+def windows_of(
+    path: str | Path, pages: Pages, names: Collection[str], windows: Sequence[tuple[float, float]]
+) -> list[dict[str, Samples]]:
+    """Return the signals in each of some windows, first and last time [s]; other arguments as for :func:`envelopes_of`."""
+    kept: list[dict[str, list[tuple[np.ndarray, np.ndarray]]]] = [{} for _ in windows]
     for name, t, values in samples_of(path, pages, names):
-        part = slice(*np.searchsorted(t, span))
-        if len(t[part]):
-            found.setdefault(name, []).append((t[part], pages.known.signals[name].shown(values[part])))
-    return {name: (np.concatenate([t for t, _ in parts]), np.concatenate([y for _, y in parts])) for name, parts in found.items()}
+        for window, found in zip(windows, kept):
+            part = slice(*np.searchsorted(t, window))
+            if len(t[part]):
+                found.setdefault(name, []).append((t[part], values[part]))
+    return [{name: Samples(*map(np.concatenate, zip(*parts))) for name, parts in found.items()} for found in kept]
 
 
 def samples_of(path: str | Path, pages: Pages, names: Collection[str]) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
     """Yield name, times (n,) [s] and values (n,) [SI] of signals, piece by piece of a bag."""
     for piece in Bag.pieces(path, PIECE, recover=True):
-        logged, t = {}, np.empty(0)
-        if piece.counts.get(LOGGER):
-            try:
-                logger = piece.logger(LOGGER, fill=True)
-                logged, t = logger.channels, logger.time()
-            except RigError:
-                pass  # the report names the problem
-        for name in names:
-            if name in logged:
-                yield name, t, logged[name]
-            elif (signal := pages.known.signals.get(name)) and piece.counts.get(signal.topic) and piece.has_field(signal):
-                yield name, *piece.series(signal)
+        yield from samples_in(piece, pages, names, rows_of(piece))
+
+
+def rows_of(piece: Bag) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return times (n,) [s] and values (n,) of the logger's columns in a piece; none where the report names a problem of them."""
+    if not piece.counts.get(LOGGER):
+        return {}
+    try:
+        logger = piece.logger(LOGGER, fill=True)
+    except RigError:
+        return {}
+    t = logger.time()
+    return {name: (t, values) for name, values in logger.channels.items()}
+
+
+def samples_in(
+    piece: Bag, pages: Pages, names: Iterable[str], rows: Mapping[str, tuple[np.ndarray, np.ndarray]]
+) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield name, times (n,) [s] and values (n,) [SI] of signals and time derivatives in a piece; ``rows`` come before topics."""
+    for name in names:
+        of = pages.rates[name][1] if name in pages.rates else name
+        signal = pages.known.signals.get(of)
+        if of in rows:
+            t, values = rows[of]
+        elif signal and piece.counts.get(signal.topic) and piece.has_field(signal):
+            t, values = piece.series(signal)
+        else:
+            continue
+        yield name, *((t, values) if of == name else derivative(t, values))
+
+
+def derivative(t: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return times and time derivative of samples (n,), of their means over OVER seconds; nothing of fewer than two such means."""
+    span = t[-1] - t[0] if len(t) else 0.0
+    if span <= 0.0:
+        return np.empty(0), np.empty(0)
+    width = max(1, round(OVER * (len(t) - 1) / span))
+    whole = len(t) // width * width
+    at, means = (one[:whole].reshape(-1, width).mean(axis=1) for one in (t, values))
+    return 0.5 * (at[1:] + at[:-1]), np.diff(means) / np.diff(at)

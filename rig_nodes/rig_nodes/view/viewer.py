@@ -8,11 +8,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
+import signal
 import subprocess
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import IO
 
 from ..base import RigError, quoted
 from .convert import import_rerun
@@ -67,6 +71,22 @@ def in_theme(surrounding: dict[str, str], folder: Path, theme: str) -> dict[str,
     return {**surrounding, "XDG_DATA_HOME": str(folder)}
 
 
+def child(
+    arguments: Sequence[str], environment: Mapping[str, str], words: IO[bytes] | int = subprocess.DEVNULL, outlives: bool = False
+) -> subprocess.Popen:
+    """Start the viewer's program; it ends with this process unless it ``outlives`` it. ``words`` takes what it prints as errors."""
+    libc = ctypes.CDLL(None)
+    return subprocess.Popen(
+        [program(), *arguments],
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=words,
+        start_new_session=True,
+        preexec_fn=None if outlives else lambda: libc.prctl(PR_SET_PDEATHSIG, signal.SIGKILL),
+    )
+
+
 def has_display() -> bool:
     """Return True when a window can be opened."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -103,14 +123,7 @@ def open_window(view: Path | str, theme: str | None = None) -> int:
     if theme:
         environment = in_theme(environment, home / theme, theme)
     with tempfile.TemporaryFile() as words:
-        viewer = subprocess.Popen(
-            [program(), "--bind", "127.0.0.1", "--port", "auto", str(view)],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=words,
-            start_new_session=True,
-        )
+        viewer = child(["--bind", "127.0.0.1", "--port", "auto", str(view)], environment, words, outlives=True)
         try:
             code = viewer.wait(START)
         except subprocess.TimeoutExpired:

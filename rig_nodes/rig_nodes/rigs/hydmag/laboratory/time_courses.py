@@ -19,11 +19,12 @@ from rig_nodes.analysis import odd_width, running_mean
 from rig_nodes.bags import Recording
 from rig_nodes.rig import load_rig
 from rig_nodes.runs import Run, Workers, load_procedure, run_repeat
-from rig_nodes.view import Description, Line, chart
+from rig_nodes.view import Description, Line, Pages, chart
 
 MEAN, STEP = 1e-3, 2e-3  # s: time over which a point is averaged, and time between two points
 BEFORE, AFTER = 0.1, 1.2  # s around the order
-BOX = load_rig("hydmag").transmission
+PAGES = Pages(load_rig("hydmag").as_dict())
+BOX = PAGES.box
 CHANNELS = {  # part of a figure -> (axis with unit, factor from SI, channels)
     "torque": ("torque [Nm]", 1.0, (BOX.input.torque, BOX.output.torque)),
     "speed": ("speed [rpm]", 30.0 / pi, (BOX.input.speed, BOX.output.speed)),
@@ -92,7 +93,8 @@ def _figure(course: Course, part: str, recording: Recording, order: float) -> De
     inside = (rows >= 0) & (rows < recording.rows)
     for channel in channels:
         smooth = running_mean(recording.channels[channel], odd_width(MEAN, recording.period))
-        lines.append(Line(channel, since[inside], smooth[rows[inside]] * factor, marks=False))
+        colour = PAGES.look(channel).colour
+        lines.append(Line(channel, since[inside], smooth[rows[inside]] * factor, marks=False, colour=colour))
     return chart(course.title, "time after the order [s]", name, lines)
 
 
