@@ -144,6 +144,11 @@ class Browser:
         self.call("Input.insertText", text=text)
         self.key("Enter")
 
+    def give(self, selector: str, path: Path):
+        """Chooses a file in a field for files."""
+        found = self.call("Runtime.evaluate", expression=f"document.querySelector({json.dumps(selector)})")
+        self.call("DOM.setFileInputFiles", files=[str(path)], objectId=found["result"]["objectId"])
+
     def picture(self, path: Path):
         """Writes a picture of the page, for people."""
         path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))

@@ -14,11 +14,15 @@ sys.path.insert(0, str(Path(__file__).parent))
 from browser import Browser
 from started_panel import READY, Panel
 
+from rig_nodes.controllers import allocate
+
 
 @pytest.fixture(scope="module")
 def panel(tmp_path_factory):
-    """A page that has started HydmAG."""
-    with closing(Panel(tmp_path_factory.mktemp("panel"), "hydmag", "--faults")) as panel:
+    """A page that has started HydmAG, the rig of whoever names none, in the ROS domain of its user, where no rig runs."""
+    folder = tmp_path_factory.mktemp("panel")
+    with allocate() as domain, closing(Panel(folder, "--faults", ROS_DOMAIN_ID=str(domain.number))) as panel:
+        assert panel.domain == domain.number
         yield panel
         assert panel.process.poll() is None, "it has ended by itself"
 

@@ -18,9 +18,9 @@ READY = "document.getElementById('state').textContent === 'ready' && document.qu
 class Panel:
     """A running `rig panel`."""
 
-    def __init__(self, folder: Path, *words: str):
-        """Starts it and waits for its address."""
-        env = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+    def __init__(self, folder: Path, *words: str, **more: str):
+        """Starts it, with some more of the environment, and waits for its address."""
+        env = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"} | more
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-m", "rig_nodes", "panel", *words, "--no-open", "--port", "0"],
             cwd=folder,

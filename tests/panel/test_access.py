@@ -27,7 +27,7 @@ def status(url: str, **headers: str) -> int:
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/static/panel.js", "/live", "/controller.yaml", "/bag.zip", "/shift/1/wide_light.svg", "/no"]
+    "path", ["/", "/static/panel.js", "/live", "/controller.yaml", "/measured", "/bag.zip", "/shift/1/wide_light.svg", "/no"]
 )
 def test_nothing_is_served_without_the_token_or_to_another_host_or_origin(panel, path):
     with_token = f"{panel.origin}{path}?token={panel.token}"
@@ -69,7 +69,7 @@ async def _attack(panel):
         with pytest.raises(HTTPClientError, match="403"):
             await websocket_connect(HTTPRequest(address, headers=headers))
     chance = random.Random(1)
-    known = ["gear", "set", "profile", "fault", "record", "wish", "own sequence", "nothing", None, 7]
+    known = ["gear", "set", "profile", "fault", "record", "wish", "own sequence", "steps", "nothing", None, 7]
     values = [
         None,
         True,

@@ -10,6 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from rig_nodes.api import load
+from rig_nodes.base import RigError
+from rig_nodes.nodes.panel.measured import measured
 from rig_nodes.nodes.panel.orders import AT_ONCE, obey
 from rig_nodes.nodes.panel.page import Page
 
@@ -59,3 +62,20 @@ def test_half_a_letter_of_others_reaches_a_page():
     socket = SimpleNamespace(write_message=lambda data, binary: sent.append(data.encode()) or Future())
     Page(socket).tell({"kind": "event", "text": "torn \ud800"})
     assert json.loads(sent[0])["text"] == "torn \ud800"
+
+
+def test_a_measured_file_has_its_signals_in_the_rigs_units_around_its_orders(tmp_path):
+    record = load("hydmag").config.as_dict()
+    heads, t = ["t [ms]", "p1 [bar]", "p2 [bar]", "gear_ordered [-]"], range(0, 3000, 10)
+    rows = [f"{k},{10 if k < 1500 else 0},0,{1 if k < 1500 else 2}" for k in t]
+    file = tmp_path / "bench.csv"
+    file.write_text("\n".join([",".join(heads), *rows, ""]))
+    (part,) = (one for one in measured(file, record)["parts"] if one["way"] == "I -> II")
+    before, after = (
+        [v for at, v in zip(part["curves"]["p1"]["t"], part["curves"]["p1"]["v"]) if side * at > 0.0] for side in (-1, 1)
+    )
+    assert part["text"] == "I -> II at 1.500 s" and set(before) == {1.0} and set(after) == {0.0}, "MPa, ms after the order"
+    file.write_text("t [s],p1 [rpm]\n0,1\n1,2\n")
+    with pytest.raises(RigError) as refused:
+        measured(file, record)
+    assert str(refused.value).startswith("bench.csv: ") and "\n" not in str(refused.value)

@@ -44,4 +44,15 @@ def test_it_is_driven_from_its_page(tmp_path, rig, device, setting, value, signa
         browser.js("document.querySelector('#sequences details').open = true")
         browser.click("#run-own")  # of the steps that the page proposes
         browser.until("document.getElementById('own-said').textContent.startsWith(\"sequence 'own' is done\")", 60)
+        value = "document.querySelector('#steps .step input:not([hidden])').value"
+        saved = browser.js(value)
+        browser.js(f"(() => {{ {value} = '0,5 s'; }})()")
+        browser.click("#run-own")
+        browser.until("document.getElementById('own-said').textContent.startsWith(\"there is another sequence 'own' already\")")
+        browser.click("#load-own")
+        browser.until("document.getElementById('own-said').textContent === \"'own' is taken up\"")
+        assert browser.js(value) == saved and browser.js("document.getElementById('replace').checked")
+        assert "own sequence own" in browser.js("[...document.getElementById('sequence').options].map((one) => one.value)")
+        hidden = "document.querySelector(one.hash).hidden"
+        assert browser.js(f"[...document.querySelectorAll('nav a')].every((one) => one.hidden === {hidden})"), "no link to nothing"
         assert browser.troubles == []

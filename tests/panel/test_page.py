@@ -20,6 +20,11 @@ from rig_nodes.bags import Bag
 pytestmark = [pytest.mark.against_the_clock, NEEDED]
 OUTPUT = '[data-output="alfa46.output_1"]'
 SAID = "document.getElementById('sequence-said').textContent"
+# an order of a script, over a websocket of its own
+ORDERED = (
+    "new Promise((done) => {{ const s = new WebSocket(location.origin.replace('http', 'ws') + '/live'); s.onopen = () => "
+    "{{ s.send(JSON.stringify({{do: 'fault', order: '{}'}})); setTimeout(() => s.close(), 500); done(); }}; }})"
+)
 STATE = "document.getElementById('state').textContent"
 
 
@@ -45,10 +50,58 @@ def test_a_first_shift_is_made_from_nothing_and_is_judged(page):
     assert (
         page.js("getComputedStyle(document.querySelector('#shift-list [aria-pressed=true]')).backgroundColor") != "rgba(0, 0, 0, 0)"
     )
+    page.until("Number(document.querySelector('#driveline .locked.flow').dataset.power) > 100")  # the second gear's losses, in W
     assert page.text("#shift-list").startswith("1: I -> II"), "the engagement from neutral is no shift"
     assert any(
         "locked" in text for text in page.js("[...document.querySelectorAll('#driveline text')].map((one) => one.textContent)")
     )
+
+
+MARKUP = "<img src=x onerror=alert(1)>"
+MEASURED = f"Zeit [s];p1 [bar];{MARKUP}\n" + "".join(f"{0.01 * k:.2f};{10 + k},5;0\n".replace(".", ",") for k in range(20))
+
+
+def test_a_measured_file_is_laid_over_the_shift_in_its_units_and_nothing_in_it_is_run(page, tmp_path):
+    file = tmp_path / f"bench {MARKUP}.csv".replace("/", "")
+    file.write_text(MEASURED, encoding="utf-8")
+    page.give("#csv", file)
+    said = "document.getElementById('csv-said')"
+    page.until(f"{said}.textContent.startsWith('bench <img') && {said}.dataset.kind === ''")
+    page.js("(() => { const s = document.getElementById('overlay-signal'); s.value = 'p1'; s.onchange(); })()")
+    assert page.js("[...document.querySelectorAll('#overlay-chart .chip')].map((one) => one.innerText)") == ["shift 1", "measured"]
+    assert page.js("document.querySelectorAll('img[src=x]').length") == 0
+    file.write_text("nothing", encoding="utf-8")
+    page.give("#csv", file)
+    page.until(f"{said}.dataset.kind === 'refused'")
+    assert str(tmp_path) not in page.text("#csv-said")
+
+
+def test_no_value_is_a_dash_a_state_its_word_and_a_number_may_have_a_comma(page):
+    of = "{known: new Map([['m', {states: {0: 'overruns', 2: 'holds'}}]])}"
+    read = f"import('/static/charts.js').then(({{Charts}}) => [null, 0, 2].map((v) => Charts.prototype.read.call({of}, 'm', v)))"
+    assert page.js(read) == ["\u2013", "overruns", "holds"]
+    given = "[['0,5', 'K'], ['1e3', 'rpm'], ['5 bar', 'MPa'], ['', 'K']]"
+    measure = f"import('/static/link.js').then(({{measure}}) => {given}.map((one) => measure(...one)))"
+    assert page.js(measure) == ["0.5 K", "1e3 rpm", "5 bar", ""]
+
+
+def test_held_charts_stay_as_they_are_and_a_gauge_goes_on(page):
+    picture = "document.querySelector('.strip canvas').toDataURL()"
+    page.write("#gauge", "n_wej")
+    page.until("Number(document.querySelector('[data-gauge=n_wej] strong').textContent) > 900")
+    assert page.js("document.querySelector('[data-gauge=n_wej] meter').value") > 900
+    page.click("#pause")
+    page.js("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    held, clock = page.js(picture), page.text("#clock")
+    page.until(f"document.getElementById('clock').textContent !== '{clock}'")
+    themes = []
+    for _ in range(2):  # each has the charts built anew
+        page.click("#theme")
+        themes.append(page.js("document.documentElement.dataset.theme"))
+        page.js("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert sorted(themes) == ["dark", "light"] and page.js(picture) == held
+    page.click("#pause")
+    page.until(f"{picture} !== '{held}'")
 
 
 def test_a_load_is_given_as_torque_and_the_page_says_what_the_rig_makes_of_it(page):
@@ -76,7 +129,8 @@ def test_a_load_is_given_as_torque_and_the_page_says_what_the_rig_makes_of_it(pa
 
 
 def test_a_profile_that_is_dragged_is_what_the_rig_has_and_the_bag_holds(page, panel, tmp_path):
-    before = page.js(f"document.querySelector('{OUTPUT} [aria-label$=\"P3, mA\"]').value")
+    point = f"document.querySelector('{OUTPUT} [aria-label$=\"P3, mA\"]').value"
+    before = page.js(point)
     page.drag(f"{OUTPUT} [data-point='2']", 0, 12)
     after = page.until(
         f"(() => {{ const v = document.querySelector('{OUTPUT} [aria-label$=\"P3, mA\"]').value; "
@@ -89,6 +143,19 @@ def test_a_profile_that_is_dragged_is_what_the_rig_has_and_the_bag_holds(page, p
         zipfile.ZipFile(io.BytesIO(answer.read())).extractall(tmp_path)
     _, asked = Bag(tmp_path / "first").series("I_set_zr_p1")
     assert asked[-1] == pytest.approx(float(after) / 1e3, abs=1e-6)
+    page.write(f'{OUTPUT} [aria-label$="P3, mA"]', "2000")
+    page.until(f"document.querySelector('{OUTPUT} .said').dataset.kind === 'refused'")
+    assert page.js("document.activeElement.value") == after, "not what the rig has refused"
+    saved = tmp_path / "controller.yaml"
+    with urlopen(f"{panel.origin}/controller.yaml?token={panel.token}") as answer:
+        saved.write_bytes(answer.read())
+    page.js(f"document.querySelector('{OUTPUT} [data-point=\"2\"]').focus()")
+    page.key("ArrowUp")
+    page.until(f"Number({point}) === {after} + 5 && !document.querySelector('{OUTPUT} .wanted')")
+    page.write('[id="beside the curves set alfa46.t12"]', "0,15 s")
+    page.until("document.querySelector('[id=\"set alfa46.t12\"]').value === '0.15'")
+    page.give("#load-controller", saved)
+    page.until(f"{point} === '{after}' && document.querySelector('[id=\"set alfa46.t12\"]').value !== '0.15'")
 
 
 def test_a_value_that_is_refused_says_why_beside_the_hand(page):
@@ -120,7 +187,11 @@ def test_the_keyboard_orders_a_gear_and_stops_the_rig(page):
     page.until("document.querySelector('[data-gear=\"1\"]').getAttribute('aria-pressed') === 'true'")
     page.key("Escape")
     page.until(f"{STATE} === 'emergency stop'")
-    page.click("#reset")
+    page.until("!document.getElementById('reset').disabled")
+    page.js("document.getElementById('theme').focus()")
+    page.key("Tab")
+    assert page.js("document.activeElement.id") == "reset"
+    page.key("Enter")
     page.until(f"{STATE} === 'ready'")
 
 
@@ -183,6 +254,13 @@ def test_a_trip_of_the_pages_own_doing_is_named_and_reset(page):
 
 
 def test_a_series_that_is_not_there_and_a_rig_of_somebody_else_are_refused_with_the_reason(page, panel, tmp_path):
+    switch, other = "button[aria-label='T_oil.offset']", "button[aria-label='p1.offset']"
+    text_of = 'document.querySelector("{}").textContent'.format
+    page.write("input[aria-label^='T_oil.offset:']", "0,5")
+    page.click(switch)
+    page.until(f"{text_of(switch)} === 'on'")
+    page.js(ORDERED.format("p1.offset, at=1000 s"))
+    page.until(f"{text_of(other)} === 'waits'")
     choose(page, "delay_series", "77")
     page.until(f"{SAID}.startsWith(\"procedure 'delay_series': there is no series '77'\")")
     joined = Panel(tmp_path, "--domain", str(panel.domain))
@@ -190,6 +268,14 @@ def test_a_series_that_is_not_there_and_a_rig_of_somebody_else_are_refused_with_
         second = Browser(joined.url)
         try:
             second.until("document.getElementById('sequence').options.length > 0", 60)
+            second.until(f"{text_of(switch)} === 'on' && {text_of(other)} === 'waits'")  # from before it came
+            for fault in (switch, other):
+                second.click(fault)
+                page.until(f"{text_of(fault)} === 'off'")
+            second.click("#rec-pause")
+            page.until("document.getElementById('rec-pause').textContent === 'Go on with the recording'")
+            page.click("#rec-pause")
+            second.until("document.getElementById('rec-pause').textContent === 'Pause the recording'")
             choose(second, "coast_down")
             second.until(f"{SAID}.startsWith('this page has joined a rig that somebody else starts')")
         finally:
@@ -206,6 +292,19 @@ def children(pid) -> list[int]:
 def rig_of(panel) -> int:
     """Returns the process `rig run` of a page."""
     return next(pid for pid in children(panel.process.pid) if b"\0run\0" in Path(f"/proc/{pid}/cmdline").read_bytes())
+
+
+def test_a_controller_that_is_started_again_has_its_first_profiles_and_the_page_shows_them(page, panel):
+    time = f"document.querySelector('{OUTPUT} [aria-label$=\"P2, ms\"]').value"
+    before = page.js(time)
+    page.write(f'{OUTPUT} [aria-label$="P2, ms"]', "400")
+    page.until(f"{time} === '400' && !document.querySelector('{OUTPUT} .wanted')")
+    processes = [pid for server in children(rig_of(panel)) for pid in children(server)]
+    os.kill(next(pid for pid in processes if Path(f"/proc/{pid}/comm").read_text() == "alfa46\n"), signal.SIGKILL)
+    page.until(f"{time} === '{before}'")
+    page.until(f"{STATE} === 'tripped'")
+    page.click("#reset")
+    page.until(f"{STATE} === 'ready'")
 
 
 def test_an_order_says_that_it_waits_for_the_rig_and_how_old_the_samples_are(page, panel):

@@ -22,7 +22,7 @@ def panel(tmp_path_factory):
     place = tmp_path_factory.mktemp("panel")
     own = place / "brief" / "procedures"
     own.mkdir(parents=True)
-    (own.parent / "rig.yaml").write_text("description: HydmAG with a brief coast-down\nbase: hydmag\n")
+    (own.parent / "rig.yaml").write_text("description: '<img src=x onerror=alert(1)> with a brief coast-down'\nbase: hydmag\n")
     laboratorys = (RIGS_DIR / "hydmag" / "procedures" / "coast_down.yaml").read_text(encoding="utf-8")
     (own / "brief_coast_down.yaml").write_text(laboratorys.replace("470", "60"), encoding="utf-8")
     with closing(Panel(place, str(own.parent))) as panel:
@@ -38,6 +38,7 @@ def folder(panel):
 def test_a_procedure_runs_with_its_progress_and_its_results_are_there(page, folder):
     choose(page, "brief_coast_down")
     assert "1 series of 2 runs: 60rpm." in page.text("#sequence-text")
+    assert page.text("#about").startswith("<img src=x") and page.js("document.querySelectorAll('img[src=x]').length") == 0
     for number in (1, 2):
         page.until(f"{SAID}.startsWith('run {number} of 2: series 60rpm, run {number} of 2: wait until n_wej')", 60)
     page.until(f"{SAID}.startsWith(\"procedure 'brief_coast_down' is done: 2 runs are in\")", 60)

@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Serve the page until Ctrl-C; return 0."""
     from ..base import DEFAULT_RIG, RigError, find_config, optional
-    from ..controllers import allocate, environment, of_running_rig, running_rigs
+    from ..controllers import environment, from_environment, of_running_rig, running_rigs
 
     optional("tornado", "panel")
     try:
@@ -56,11 +56,13 @@ def main(args: argparse.Namespace) -> int:
         raise RigError(f"--address {args.address}: expected an IP address, e.g. 127.0.0.1") from None
     if args.port is not None and not 0 <= args.port <= 65535:
         raise RigError(f"--port {args.port}: expected a number from 0 to 65535")
-    join = args.domain is not None or (args.rig is None and (running_rigs() or os.environ.get("ROS_DOMAIN_ID")))
+    rigs = running_rigs()
+    there = from_environment().number in rigs if os.environ.get("ROS_DOMAIN_ID") else rigs
+    join = args.domain is not None or (args.rig is None and there)
     options = ["--faults"] * args.faults + (["--controller", args.controller] if args.controller else [])
     if join and (args.rig or args.settings or options):
         raise RigError("a rig that runs is joined as it is: leave away --domain, or the rig and its options")
-    with of_running_rig(args.domain) if join else allocate() as domain:
+    with of_running_rig(args.domain) if join else from_environment() as domain:
         wanted = environment(domain)
         for name in set(os.environ) - set(wanted):
             del os.environ[name]

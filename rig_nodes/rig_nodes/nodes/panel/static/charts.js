@@ -21,8 +21,9 @@ export class Charts {
     at("more").onclick = () => this.add([]);
     at("span").onchange = () => this.wish();
     at("pause").onclick = () => {
-      this.held = !this.held;
-      at("pause").setAttribute("aria-pressed", String(this.held));
+      this.held = this.held ? null : { x: [...this.x], length: this.length, columns: new Map([...this.columns].map(([name, { lo, hi }]) => [name, { lo: [...lo], hi: [...hi] }])) };
+      at("pause").setAttribute("aria-pressed", String(Boolean(this.held)));
+      this.stale();
     };
     link.on("frame", (data) => this.take(data));
     document.addEventListener("visibilitychange", () => document.hidden && this.thank()); // nothing is drawn until it is seen again
@@ -42,6 +43,7 @@ export class Charts {
     } catch {
       // what was kept is not ours
     }
+    if (this.held) at("pause").click(); // of the rig before
     this.rig_name = message.name;
     at("strips").replaceChildren();
     // signals of a controller become known later, so what a user has chosen stays
@@ -129,6 +131,13 @@ export class Charts {
     const ground = make("div");
     row.node.replaceChildren(make("div", { class: "chips" }, ...chips, enter, drop, said), ground);
     row.plot = row.names.length ? this.plot(row, ground) : null;
+    row.stale = true;
+  }
+
+  // Has all charts drawn anew, also while they are held.
+  stale() {
+    for (const row of this.rows) row.stale = true;
+    this.fresh = true;
   }
 
   changed(row) {
@@ -216,25 +225,42 @@ export class Charts {
     return null;
   }
 
+  // What a chart shows of a signal: while it is held, a copy that no longer grows; of a signal that comes meanwhile, what falls into it.
+  column(name) {
+    const live = this.columns.get(name) ?? { lo: [], hi: [] };
+    if (!this.held) return live;
+    const { x, length, columns } = this.held;
+    if (!columns.has(name) && live.lo.length) {
+      const first = Math.round(this.x[0] / length - 0.5);
+      const places = x.map((t) => (length === this.length ? Math.round(t / length - 0.5) - first : -1)); // of another window: nothing
+      columns.set(name, { lo: places.map((k) => live.lo[k] ?? null), hi: places.map((k) => live.hi[k] ?? null) });
+    }
+    return columns.get(name) ?? live;
+  }
+
+  // A value as people read it; a state by its word, and a dash where there is none.
+  read(name, value, digits) {
+    const states = this.known.get(name)?.states ?? {};
+    if (value == null) return "–";
+    return Object.keys(states).length ? (states[Math.round(value)] ?? "–") : shown(value, digits);
+  }
+
   draw() {
     requestAnimationFrame(() => this.draw());
     this.thank();
     if (!this.fresh || document.hidden) return;
     this.fresh = false;
-    if (!this.held) {
-      for (const row of this.rows) {
-        if (!row.plot) continue;
-        const columns = row.names.map((name) => this.columns.get(name) ?? { lo: [], hi: [] });
-        if (columns.some((one) => one.lo.length !== this.x.length)) continue;
-        row.plot.setData([this.x, ...columns.flatMap((one) => [one.lo, one.hi])]);
-      }
+    const x = this.held?.x ?? this.x;
+    const blank = x.map(() => null);
+    for (const row of this.rows) {
+      if (!row.plot || (this.held && !row.stale)) continue;
+      const columns = row.names.map((name) => this.column(name));
+      row.stale = columns.some((one) => one.lo.length !== x.length);
+      if (row.stale && !this.held) continue;
+      row.plot.setData([x, ...columns.flatMap(({ lo, hi }) => (lo.length === x.length ? [lo, hi] : [blank, blank]))]);
     }
     for (const row of this.rows) {
-      for (const [name, node] of row.values) {
-        const value = this.latest(name);
-        const states = this.known.get(name)?.states ?? {};
-        node.textContent = Object.keys(states).length ? (states[Math.round(value)] ?? "–") : shown(value);
-      }
+      for (const [name, node] of row.values) node.textContent = this.read(name, this.latest(name));
     }
     this.link.emit("drawn");
   }

@@ -87,6 +87,15 @@ export function make(tag, attributes = {}, ...children) {
   return one;
 }
 
+// A number as a hand writes it, perhaps with a decimal comma.
+export const decimal = (text) => text.trim().replace(/,(?=\d)/g, ".");
+
+// The same with the unit of its field, unless it has one of its own; the e of 1e3 is none.
+export function measure(text, unit) {
+  const plain = decimal(text);
+  return !plain || !unit || /[a-df-zµ°%]/i.test(plain) ? plain : `${plain} ${unit}`;
+}
+
 export const at = (id) => document.getElementById(id);
 
 export function shown(value, digits = 4) {

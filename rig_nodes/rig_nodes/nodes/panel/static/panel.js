@@ -2,7 +2,8 @@
 
 import { Charts } from "./charts.js";
 import { Driveline } from "./driveline.js";
-import { Link, at, fetched, make, shown } from "./link.js";
+import { Gauges } from "./gauges.js";
+import { Link, at, fetched, make, measure, shown } from "./link.js";
 import { READ, order, orderAbove, say } from "./orders.js";
 import { Profiles } from "./profiles.js";
 import { Sequences } from "./sequences.js";
@@ -14,12 +15,13 @@ const NEED_RIG = ["drive", "profiles", "controller", "settings", "faults"]; // w
 const link = new Link();
 const charts = new Charts(link);
 const driveline = new Driveline(charts);
+const gauges = new Gauges(charts, (names) => charts.wish([...driveline.signals, ...names]));
 const profiles = new Profiles(link);
 const sequences = new Sequences(link);
 const shifts = new Shifts(link);
-const fields = new Map(); // by setting: function that shows its value
+const fields = new Map(); // by setting: functions that show its value, one for each place
 const faults = new Map(); // by name: its switch
-let faulty = []; // names of the faults that are on
+let there = { on: [], waiting: [] }; // names of the faults that are there
 let rig = null;
 let state = "";
 
@@ -66,15 +68,19 @@ link.on("rig", (message) => {
   settings(message.settings);
   showFaults(message.faults);
   driveline.rig(message);
-  charts.also = driveline.signals;
+  gauges.rig(message);
+  charts.also = [...driveline.signals, ...gauges.names];
   charts.rig(message);
+  gauges.build(); // by the signals that the charts have learned
   at("controller").hidden = !message.controller;
   ownSignals(message.own_signals);
   ownSettings(message.own_settings);
   profiles.rig(message);
   sequences.rig(message);
   shifts.rig(message);
-  link.ask("record", { what: "ask" }).catch(() => {});
+  const delays = message.settings.filter(({ name }) => message.delays.includes(name));
+  at("delays").replaceChildren(...delays.map((one) => setting(one, false, "beside the curves ")));
+  for (const link of document.querySelectorAll("nav a")) link.hidden = at(link.hash.slice(1)).hidden;
 });
 
 function gears({ gears: all }) {
@@ -119,15 +125,17 @@ at("find").oninput = () => {
   }
 };
 
-function setting(one, slider) {
-  const id = `set ${one.name}`;
-  const said = make("p", { class: "said", role: "alert", id: `said ${one.name}` });
+// The controls of a setting; where it has some in a second place, ``place`` begins their ids.
+function setting(one, slider, place = "") {
+  const id = `${place}set ${one.name}`;
+  const shows = (show) => fields.set(one.name, [...(fields.get(one.name) ?? []), show]);
+  const said = make("p", { class: "said", role: "alert", id: `${place}said ${one.name}` });
   const row = make("div", { class: "set", "data-words": `${one.name} ${one.text}`.toLowerCase(), "data-setting": one.name });
   const words = make("label", { for: id, title: one.text }, slider ? one.name.replace(".", " ").replaceAll("_", " ") : one.text);
   if (one.kind === "switch") {
     const button = make("button", { id, "aria-pressed": "false", "aria-describedby": said.id }, "off");
     button.onclick = () => order(link, said, "set", { name: one.name, value: button.getAttribute("aria-pressed") === "true" ? "off" : "on" }, { control: button, quiet: true });
-    fields.set(one.name, (value) => {
+    shows((value) => {
       button.setAttribute("aria-pressed", String(value));
       button.textContent = value ? "on" : "off";
     });
@@ -140,8 +148,7 @@ function setting(one, slider) {
   const pull = slider && ranged ? make("input", { type: "range", min: one.low, max: one.high, step: (one.high - one.low) / 200, "aria-label": one.text }) : null;
   let held = null;
   let edited = false; // what is being typed or pulled is not written over
-  const value = (text) => (/[a-z%°]/i.test(text) || !unit ? text : `${text} ${unit}`);
-  const give = (text) => order(link, said, "set", { name: one.name, value: value(text) }, { control: field, quiet: true }).then((good) => {
+  const give = (text) => order(link, said, "set", { name: one.name, value: measure(text, unit) }, { control: field, quiet: true }).then((good) => {
     if (good) edited = false;
     if (good || document.activeElement !== field) back();
   });
@@ -156,7 +163,7 @@ function setting(one, slider) {
     if (held != null) show(held);
   };
   field.oninput = () => (edited = true);
-  field.onchange = () => give(field.value.trim().replace(",", "."));
+  field.onchange = () => give(field.value);
   field.onblur = () => {
     back();
     setTimeout(() => said.dataset.kind === "refused" && say(said, ""), READ);
@@ -165,14 +172,14 @@ function setting(one, slider) {
     pull.oninput = () => (edited = true);
     pull.onchange = () => give(String(+(+pull.value).toPrecision(4))).then(back);
   }
-  fields.set(one.name, show);
+  shows(show);
   const range = ranged ? `${shown(one.low, 4)} to ${shown(one.high, 4)} ${unit}` : "";
   row.append(make("div", {}, words, make("div", { class: "range" }, range)), make("div", { class: "field" }, field, make("span", { class: "unit" }, unit)), pull ?? "", said);
   return row;
 }
 
 link.on("values", ({ values }) => {
-  for (const [name, value] of Object.entries(values)) fields.get(name)?.(value);
+  for (const [name, value] of Object.entries(values)) for (const show of fields.get(name) ?? []) show(value);
   profiles.values(values);
 });
 
@@ -190,7 +197,7 @@ link.on("state", (message) => {
   at("reason").textContent = message.reason ?? "";
   at("reason").hidden = !message.reason;
   at("reset").disabled = message.state !== "tripped";
-  at("start").hidden = !(message.state === "away" && rig?.own);
+  at("start").hidden = !message.start;
   usable(message.state !== "away");
   if (message.state === "tripped" && state !== "tripped") say(at("shifting"), ""); // what was said of orders before
   state = message.state;
@@ -207,18 +214,21 @@ link.on("restart", () => at("event-list").replaceChildren());
 
 link.on("health", ({ devices, own, others, pages, participants }) => {
   plugged(devices[rig?.controller], own);
+  recording(devices.recorder);
   at("device-list").replaceChildren(
     ...Object.entries(devices).map(([name, { level, text }]) => make("tr", {}, make("th", { scope: "row" }, name), make("td", { class: level === "ok" ? "" : "bad" }, text))),
   );
   at("others").textContent = `Open pages: ${pages}. ${others.length ? `Other nodes in the domain: ${others.join(", ")}` : "No other nodes are in the domain"}; ROS participants: ${participants}.`;
 });
 
-link.on("recording", ({ paused }) => {
+function recording(recorder) {
+  const paused = recorder?.values.paused === "True";
+  for (const id of ["rec-pause", "rec-split"]) at(id).disabled = !recorder || recorder.level === "stale";
   at("rec-pause").textContent = paused ? "Go on with the recording" : "Pause the recording";
   at("rec-pause").dataset.paused = paused ? "yes" : "";
-});
+}
 at("rec-pause").onclick = () => order(link, at("rec-said"), "record", { what: at("rec-pause").dataset.paused ? "resume" : "pause" }, { control: at("rec-pause") });
-at("rec-split").onclick = () => order(link, at("rec-said"), "record", { what: "split" }, { control: at("rec-split") });
+at("rec-split").onclick = () => order(link, at("rec-said"), "record", { what: "split_bagfile" }, { control: at("rec-split") });
 for (const [id, ending] of [["rec-bag", "bag.zip"], ["rec-report", "report.html"]]) {
   at(id).onclick = async () => {
     say(at("rec-said"), "being made …", "asked");
@@ -235,6 +245,7 @@ for (const [id, ending] of [["rec-bag", "bag.zip"], ["rec-report", "report.html"
 
 link.on("own signals", ({ signals }) => {
   charts.learn(signals);
+  gauges.build();
   ownSignals(signals);
 });
 
@@ -250,7 +261,10 @@ function ownSignals(all) {
 }
 
 // Those of a user's controller have no text, so their names stand there.
-const ownSettings = (all) => at("own-settings").replaceChildren(...all.map((one) => setting({ ...one, text: one.name.replace(`${rig.controller}.`, "") }, false)));
+function ownSettings(all) {
+  for (const { name } of all) fields.delete(name);
+  at("own-settings").replaceChildren(...all.map((one) => setting({ ...one, text: one.name.replace(`${rig.controller}.`, "") }, false)));
+}
 link.on("own settings", ({ settings: all }) => ownSettings(all));
 
 function plugged(controller, own) {
@@ -275,12 +289,12 @@ function showFaults(all) {
         const button = make("button", { "aria-pressed": "false", "aria-label": one.name }, "off");
         button.onclick = () => {
           const on = button.getAttribute("aria-pressed") === "true";
-          const wanted = size && !on ? `, size=${size.value} ${one.unit}` : "";
+          const wanted = size && !on ? `, size=${measure(size.value, one.unit)}` : "";
           order(link, said, "fault", { order: on ? `${one.name}, off=true` : `${one.name}${wanted}` }, { control: button, quiet: true });
         };
-        faults.set(one.name, (on) => {
-          button.setAttribute("aria-pressed", String(on));
-          button.textContent = on ? "on" : "off";
+        faults.set(one.name, (how) => {
+          button.setAttribute("aria-pressed", String(how !== "off"));
+          button.textContent = how;
         });
         const range = one.size ? `${one.size}: ${shown(one.low)} to ${shown(one.high)} ${one.unit}` : "";
         return make("div", { class: "set" }, make("div", {}, make("strong", {}, one.name), ` ${one.text}`, make("div", { class: "range" }, range)), make("div", { class: "field" }, size ?? "", size ? make("span", { class: "unit" }, one.unit) : "", button), said);
@@ -290,10 +304,10 @@ function showFaults(all) {
 }
 
 function showFaulty() {
-  for (const [name, show] of faults) show(faulty.includes(name));
+  for (const [name, show] of faults) show(there.on.includes(name) ? "on" : there.waiting.includes(name) ? "waits" : "off");
 }
-link.on("faults", ({ on }) => {
-  faulty = on;
+link.on("faults", (message) => {
+  there = message;
   showFaulty();
 });
 
@@ -311,6 +325,7 @@ link.on("closed", () => {
 let drawn = 0; // when the newest samples were drawn
 link.on("drawn", () => {
   driveline.draw();
+  gauges.draw();
   drawn = performance.now();
   if (charts.now != null) at("clock").textContent = `${charts.now.toFixed(1)} s`;
 });

@@ -53,7 +53,13 @@ class Curve {
     const rows = [["times", "ms", 1e3], ["currents", "mA", 1e3]].map(([column, unit, factor]) =>
       make("tr", {}, make("th", { scope: "row" }, unit), ...[0, 1, 2, 3, 4, 5].map((k) => {
         const input = make("input", { type: "text", inputmode: "decimal", "aria-label": `output ${output}, P${k + 1}, ${unit}` });
+        input.oninput = () => (this.typed = input); // what is being typed is not written over
+        input.onblur = () => {
+          this.typed = null;
+          if (this.had.times && this.had.currents) this.fill(); // not the points, of which one may be getting the focus
+        };
         input.onchange = () => {
+          this.typed = null;
           const value = Number(input.value.replace(",", "."));
           if (!this.had.times || !this.had.currents) return; // the rig has not told its values yet
           if (input.value.trim() === "" || !Number.isFinite(value)) return say(this.said, `P${k + 1}: '${input.value}' is no number`, "refused");
@@ -132,8 +138,13 @@ class Curve {
     for (let k = 0; k < 6; k += 1) parts.push(this.point(k, points));
     this.svg.replaceChildren(...parts);
     if (held != null) this.svg.querySelector(`[data-point="${held}"]`)?.focus();
+    this.fill();
+  }
+
+  fill() {
+    const points = this.wanted ?? this.had;
     for (const [column, inputs] of Object.entries(this.inputs)) inputs.forEach((input, k) => {
-      if (document.activeElement !== input) input.value = +(points[column][k] * 1e3).toFixed(2);
+      if (this.typed !== input) input.value = +(points[column][k] * 1e3).toFixed(2);
     });
   }
 

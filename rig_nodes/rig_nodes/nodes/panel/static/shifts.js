@@ -1,9 +1,11 @@
 // Shifts that have ended: the figure with its verdict, metrics, and curves of several laid over each other and over a measured file.
 
-import { at, colour, make, shown } from "./link.js";
+import { at, colour, fetched, make, shown } from "./link.js";
+import { say } from "./orders.js";
 
 const MOST = 12; // as the server keeps
-const MEASURED = "measured";
+const MEASURED = "measured"; // label of the file's curve
+const LARGEST = 64e6; // bytes of a file, as the server takes
 
 export class Shifts {
   constructor(link) {
@@ -11,14 +13,12 @@ export class Shifts {
     this.ticked = new Set();
     link.on("shift", (one) => this.take(one));
     at("overlay-signal").onchange = () => this.overlay();
-    at("csv").onchange = () => at("csv").files[0]?.text().then((text) => this.measured(text));
-    at("csv-column").onchange = () => this.overlay();
-    at("csv-shift").oninput = () => this.overlay();
-    const place = at("shifts");
-    place.addEventListener("dragover", (event) => event.preventDefault());
-    place.addEventListener("drop", (event) => {
-      event.preventDefault();
-      event.dataTransfer.files[0]?.text().then((text) => this.measured(text));
+    at("csv").onchange = () => this.measured(at("csv").files[0]);
+    for (const id of ["csv-part", "csv-shift"]) at(id).oninput = () => this.overlay();
+    document.addEventListener("dragover", (event) => event.preventDefault());
+    document.addEventListener("drop", (event) => {
+      event.preventDefault(); // the browser would leave the page for the file
+      this.measured(event.dataTransfer.files[0]);
     });
     new ResizeObserver(() => this.plot?.setSize({ width: Math.max(200, at("overlay-chart").clientWidth), height: 240 })).observe(at("overlay-chart"));
   }
@@ -61,10 +61,18 @@ export class Shifts {
       }),
     );
     this.figure(this.found.get(this.picked));
-    const names = [...new Set([...this.found.values()].flatMap((one) => Object.keys(one.curves ?? {})))];
+    this.choose();
+  }
+
+  // Offers the signals of the shifts and of the file, and the file's orders, of which one like the shift that is shown comes first.
+  choose() {
+    const parts = this.file?.parts ?? [];
+    const curves = [...this.found.values(), ...parts].map((one) => one.curves ?? {});
+    const names = [...new Set(curves.flatMap(Object.keys))];
     const was = at("overlay-signal").value;
     at("overlay-signal").replaceChildren(...names.map((name) => make("option", { selected: name === was }, name)));
     at("overlay").hidden = !names.length;
+    for (const id of ["csv-parts", "csv-move"]) at(id).hidden = !parts.length;
     this.overlay();
   }
 
@@ -81,19 +89,19 @@ export class Shifts {
     );
   }
 
-  // Takes a CSV file: a head line with names, and the time in s in the first column.
-  measured(text) {
-    const lines = text.replace(/^\ufeff/, "").split(/\r?\n/).filter((line) => line.trim() && !line.startsWith("#"));
-    const sign = [";", "\t", ","].find((one) => lines[0]?.includes(one)) ?? ",";
-    const names = (lines[0] ?? "").split(sign).map((one) => one.trim().replace(/^"|"$/g, ""));
-    const number = (cell) => (cell === undefined || cell.trim() === "" ? NaN : Number(sign === ";" ? cell.replace(",", ".") : cell));
-    const rows = lines.slice(1).map((line) => line.split(sign).map(number)).filter((row) => Number.isFinite(row[0]));
-    const good = names.length > 1 && rows.length > 1;
-    at("csv-said").textContent = good ? "" : "The file has no table with a head line and the time in its first column.";
-    for (const id of ["csv-columns", "csv-move"]) at(id).hidden = !good;
-    this.file = good ? { names, rows } : null;
-    at("csv-column").replaceChildren(...names.slice(1).map((name, k) => make("option", { value: k + 1, selected: name === at("overlay-signal").value }, name)));
-    this.overlay();
+  // Has the server read a measured file: its signals by the rig's names, in the units of the charts.
+  async measured(file) {
+    if (!file || at("shifts").hidden) return; // a rig without gears has no shifts
+    at("csv").value = "";
+    if (file.size > LARGEST) return say(at("csv-said"), `${file.name} has more than ${LARGEST / 1e6} MB; cut it`, "refused");
+    say(at("csv-said"), `${file.name} is read`, "asked");
+    const { ok, text } = await fetched(`measured?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+    if (!ok) return say(at("csv-said"), text, "refused");
+    this.file = JSON.parse(text);
+    say(at("csv-said"), [file.name, ...this.file.notes].join("; "));
+    const way = this.found.get(this.picked)?.way;
+    at("csv-part").replaceChildren(...this.file.parts.map((one, k) => make("option", { value: k, selected: k === this.file.parts.findIndex((other) => other.way === way) }, one.text)));
+    this.choose();
   }
 
   overlay() {
@@ -101,12 +109,9 @@ export class Shifts {
     this.plot = null;
     const name = at("overlay-signal").value;
     const all = [...this.found.values()].filter((one) => this.ticked.has(one.number) && one.curves?.[name]).map((one) => [`shift ${one.number}`, one.curves[name].t, one.curves[name].v]);
-    if (this.file) {
-      const column = +at("csv-column").value;
-      const moved = +at("csv-shift").value || 0;
-      const rows = this.file.rows.filter((row) => Number.isFinite(row[column]));
-      all.push([MEASURED, rows.map((row) => row[0] * 1e3 + moved), rows.map((row) => row[column])]);
-    }
+    const measured = this.file?.parts[+at("csv-part").value]?.curves[name];
+    const moved = +at("csv-shift").value || 0;
+    if (measured) all.push([MEASURED, measured.t.map((t) => t + moved), measured.v]);
     const node = at("overlay-chart");
     node.replaceChildren(make("p", { class: "chips" }, ...all.map(([label], k) => {
       const mark = make("i");
