@@ -38,6 +38,8 @@ IN_CHECKOUT = (Path(__file__).parents[3] / "rig").is_file()  # where the command
 # errors of any file that is written, whatever the verb: full, over a quota or limit, read-only, broken
 OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 UNFINISHED = "; what was begun is not finished"
+NO_MEMORY = f"there is not enough memory for this{UNFINISHED}"
+LOADS_NOT = re.compile("failed to map segment|cannot allocate memory", re.IGNORECASE)  # of a library, where memory is short
 EXTRAS = {"ros": lambda verb: need_ros(f"rig {verb}"), "view": lambda _: optional("rerun", "view")}
 
 
@@ -233,7 +235,12 @@ def _answer(arguments: list[str], started: bool) -> int:
         _say(f"{what}{UNFINISHED}", os.linesep * sys.stderr.isatty())
         return code
     except MemoryError:
-        _say(f"there is not enough memory for this{UNFINISHED}")
+        _say(NO_MEMORY)
+        return 1
+    except ImportError as error:
+        if not LOADS_NOT.search(str(error)):
+            raise
+        _say(NO_MEMORY)
         return 1
     except BrokenPipeError:
         _say()  # the reader (head, less) has ended: this is not an error
