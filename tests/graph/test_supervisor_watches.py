@@ -19,7 +19,7 @@ from rig_nodes.base import RigError
 from rig_nodes.nodes.processes import child, supervisor
 from rig_nodes.nodes.processes.line import Line
 from rig_nodes.nodes.processes.supervisor import Order, Supervisor
-from rig_nodes.runs.trips import STOOD_STILL
+from rig_nodes.rig import STOOD_STILL
 
 
 class StandIn:

@@ -14,7 +14,8 @@ import time
 from typing import TYPE_CHECKING
 
 from ..plant import Answer
-from ..runs import NO_ANSWER, Rig, RigStatus, topic_of
+from ..rig import NO_ANSWER
+from ..runs import Rig, RigStatus, topic_of
 from .device import Device, receive
 from .message_class import message_class
 from .qos import publisher_profile, recorder_profile, stream_profile

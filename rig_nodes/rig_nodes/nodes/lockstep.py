@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 from ..base import ANSWERED, DISCARDED, NOT_AT_ALL, PATIENCE, READY, SAMPLE_NS, STATUS, TICK_SAMPLES, Frames, Link, LinkClosed
 from ..controllers import Answer, ControllerFailed, ControllerRecord, Status, record_of
-from ..rig import CONTROLLER_COMMAND
-from ..runs import BAD_CONTROLLER, ENDED_EARLY, PROCESS_LOST, RigStatus, give_answer
+from ..rig import BAD_CONTROLLER, CONTROLLER_COMMAND, ENDED_EARLY, PROCESS_LOST
+from ..runs import RigStatus, give_answer
 from .realtime import take_core
 
 if TYPE_CHECKING:

@@ -21,7 +21,8 @@ from std_srvs.srv import Trigger
 
 from ..base import SAMPLE_NS, TICK_SAMPLES, RigError, printable
 from ..controllers import announce, from_environment
-from ..runs import BY_HAND, ENDED_EARLY, PROCESS_LOST, SCALAR_SAMPLES, STOOD_STILL, Outputs, Rig, RigStatus, check_delay, run_record
+from ..rig import ENDED_EARLY, PROCESS_LOST, STOOD_STILL
+from ..runs import BY_HAND, SCALAR_SAMPLES, Outputs, Rig, RigStatus, check_delay, run_record
 from .commands import Commands
 from .cut import CutEnds
 from .device import DeviceNode, device_names, own_nodes, pace_of, sender

@@ -28,5 +28,5 @@ from .sequence_runner import SequenceFailed as SequenceFailed, SequenceRunner as
 from .simulation import check_controller as check_controller, check_delay as check_delay, give_answer as give_answer, run_record as run_record, simulate as simulate
 from .session import ORDER as ORDER, Session as Session
 from .snapshot import Snapshot as Snapshot
-from .trips import BAD_CONTROLLER as BAD_CONTROLLER, ENDED_EARLY as ENDED_EARLY, FOLLOWING as FOLLOWING, NO_ANSWER as NO_ANSWER, PROCESS_LOST as PROCESS_LOST, STOOD_STILL as STOOD_STILL, Tripped as Tripped, trips_without_limits as trips_without_limits
+from .trips import FOLLOWING as FOLLOWING, Tripped as Tripped, trips_without_limits as trips_without_limits
 from .workers import Lost as Lost, RIGS_PRELOADED as RIGS_PRELOADED, Workers as Workers, start_server as start_server

@@ -19,9 +19,9 @@ from ..base import COMMAND_TIMEOUT, SAMPLE_NS, RigError
 from ..controllers import LEVELS, refusal
 from ..plant import BY_DUTY, BY_SETPOINT
 from ..plant import alfa46_law as law
+from ..rig import BAD_CONTROLLER
 from .faults import NEVER
 from .rig_base import RigBase
-from .trips import BAD_CONTROLLER
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence

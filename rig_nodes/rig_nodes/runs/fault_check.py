@@ -18,9 +18,8 @@ from ..base import RigError, unknown
 from ..controllers import Plug
 from ..plant import MESSAGES
 from ..plant import part as parts
-from ..rig import CONTROLLER, FaultOfRig, RigConfig, check_gearbox, faults_of, with_overrides
+from ..rig import BAD_CONTROLLER, CONTROLLER, NO_COMMAND, FaultOfRig, RigConfig, check_gearbox, faults_of, with_overrides
 from .session import ORDER, Session
-from .trips import BAD_CONTROLLER, NO_COMMAND
 
 IN_TIME, WELL, BADLY, HARM, FAILED = "tripped in time", "shifted well", "shifted badly", "did harm", "failed itself"
 STATED = re.compile(r"controller .*, sample \d+: status (error|fatal): ")  # a controller that tells of a fault by its status

@@ -18,11 +18,10 @@ import numpy as np
 from ..bags import encoder
 from ..base import SAMPLE, SAMPLE_NS, TICK_SAMPLES
 from ..controllers import Plug, own_signals
-from ..rig import CONTROLLER_COMMAND
+from ..rig import CONTROLLER_COMMAND, WARNING
 from .cuts import topic_of
 from .rig import Rig
 from .topics import SCALAR_SAMPLES, Readings, States
-from .trips import WARNING
 
 MEASUREMENT = "rig_msgs/msg/Measurement"
 BLOCK = "/instruments/hmg4000"

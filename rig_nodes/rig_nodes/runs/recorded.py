@@ -20,14 +20,13 @@ from ..bags import Logged, Recording
 from ..base import SAMPLE, TICK_SAMPLES, RigError
 from ..controllers import Plug
 from ..plant import part as parts
-from ..rig import CONTROLLER_COMMAND, SHIFT_ORDERED, RigConfig
+from ..rig import CONTROLLER_COMMAND, SHIFT_ORDERED, WARNING, RigConfig
 from .rig import Rig
 from .rig_base import RigStatus
 from .sequence import Sequence
 from .sequence_runner import SequenceFailed
 from .simulation import AFTER_TRIP, advance_with, next_poll, rig_for, runner_on
 from .topics import SCALAR_SAMPLES, Readings, States
-from .trips import WARNING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -21,7 +21,18 @@ from ..controllers import LEVELS, record_of
 from ..plant import BY_DUTY, BY_LAW, BY_SETPOINT
 from ..plant import alfa46_law as law
 from ..plant import part as parts
-from ..rig import CONTROLLER, Alfa46Config, RigConfig, Setpoint, Setting, beyond_alfa46, check_enabled, check_gains
+from ..rig import (
+    CONTROLLER,
+    NO_ANSWER,
+    NO_COMMAND,
+    Alfa46Config,
+    RigConfig,
+    Setpoint,
+    Setting,
+    beyond_alfa46,
+    check_enabled,
+    check_gains,
+)
 from .commanded_rig import CommandedRig, check_level
 from .cuts import Cuts
 from .faults import Faults
@@ -30,7 +41,6 @@ from .plan import plan_of
 from .rig_base import RigStatus
 from .shown_state import ShownState, facts_of
 from .snapshot import Snapshot, physics
-from .trips import NO_ANSWER, NO_COMMAND
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -38,9 +38,9 @@ from ..plant import (
     shown_dtype,
 )
 from ..plant import alfa46_law as law
-from ..rig import Catalogue, Trip
+from ..rig import NO_NUMBER, RED_BUTTON, UNSETTLED, Catalogue, Trip
 from .gauges import Gauges
-from .trips import NO_NUMBER, RED_BUTTON, UNSETTLED, Tripped, not_finite, not_settled
+from .trips import Tripped, not_finite, not_settled
 from .watch import Watched
 
 if TYPE_CHECKING:

@@ -19,12 +19,11 @@ import numpy as np
 from ..base import SAMPLE, TICK_SAMPLES, RigError, brief, dimension_of_text, quantity, shown_in, unknown
 from ..controllers import LEVELS, Plug
 from ..plant import relief_setting_for
-from ..rig import CONTROLLER, CONTROLLER_EVENTS, OWN, SHIFT_ORDERED
+from ..rig import CONTROLLER, CONTROLLER_EVENTS, OWN, SHIFT_ORDERED, WARNING
 from .recorded import Listener, played, signals_of
 from .rig import Rig
 from .sequence import Sequence
 from .simulation import LocalBench, advance_with, rig_for, runner_on
-from .trips import WARNING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence as Values

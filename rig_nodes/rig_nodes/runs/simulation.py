@@ -16,14 +16,24 @@ from .. import __version__
 from ..bags import LIBRARY_OF_RUN, BagWriter
 from ..base import COMMAND_TIMEOUT, SAMPLE, SAMPLE_NS, SWITCH, TICK_SAMPLES, RigError, Uninterrupted, ended_by
 from ..controllers import DECLARED, Answer, ControllerFailed, Plug
-from ..rig import CHANGED, CONTROLLER, CONTROLLER_EVENTS, OWN, SHIFT_ORDERED, RigConfig, check_gains, own_setting
+from ..rig import (
+    BAD_CONTROLLER,
+    CHANGED,
+    CONTROLLER,
+    CONTROLLER_EVENTS,
+    NO_COMMAND,
+    OWN,
+    SHIFT_ORDERED,
+    RigConfig,
+    check_gains,
+    own_setting,
+)
 from .bag_outputs import BagOutputs
 from .outputs import Outputs
 from .rig import Rig
 from .rig_base import RigStatus
 from .sequence import Sequence
 from .sequence_runner import SequenceFailed, SequenceRunner
-from .trips import BAD_CONTROLLER, NO_COMMAND
 
 if TYPE_CHECKING:
     from .recorded import Listener

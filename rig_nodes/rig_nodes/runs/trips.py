@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the trips of a rig are to its runs: their names, their rows, and the sentences of a plant that cannot be moved.
+"""What the trips of a rig are to its runs: the rows of those without a limit, and the sentences of a plant that cannot be moved.
 
 rig.trips and rig.bench_trips have the trips themselves.
 """
@@ -13,41 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base import Floats, RigError
-from ..rig import (
-    BAD_CONTROLLER,
-    ENDED_EARLY,
-    NO_ANSWER,
-    NO_COMMAND,
-    NO_NUMBER,
-    PROCESS_LOST,
-    RED_BUTTON,
-    STOOD_STILL,
-    UNSETTLED,
-    WARNING,
-    bench_trips,
-)
+from ..rig import ENDED_EARLY, PROCESS_LOST, bench_trips
 
 if TYPE_CHECKING:
     from ..rig import RigConfig
-
-__all__ = [  # beside what is defined here, the names that a run trips by
-    "BAD_CONTROLLER",
-    "ENDED_EARLY",
-    "FOLLOWING",
-    "NO_ANSWER",
-    "NO_COMMAND",
-    "NO_NUMBER",
-    "PROCESS_LOST",
-    "RED_BUTTON",
-    "STOOD_STILL",
-    "SUMS",
-    "UNSETTLED",
-    "WARNING",
-    "Tripped",
-    "not_finite",
-    "not_settled",
-    "trips_without_limits",
-]
 
 FOLLOWING = (PROCESS_LOST, ENDED_EARLY)  # trips of a run that something else has ended already
 SUMS = (": drawn", ": heat")  # endings of the names of values that several parts add to

@@ -23,7 +23,8 @@ from pathlib import Path
 
 from ...base import RigError, not_written, pair
 from ...controllers import Domain, environment, participants
-from ...runs import FOLLOWING, PROCESS_LOST, STOOD_STILL
+from ...rig import PROCESS_LOST, STOOD_STILL
+from ...runs import FOLLOWING
 from .child import Child
 from .tap import tap_pair
 
