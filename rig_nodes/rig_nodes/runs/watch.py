@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,7 +49,8 @@ class Watched:
     def __init__(self, trips: Sequence[Trip], world: World, noise: Floats) -> None:
         self._world, self._channels, self.trips = world, list(world.plan.channels), tuple(trips)
         used = [self._sum(one) for trip in trips for one in (trip.quantity, *(each.sum for each in trip.enabled))]
-        sums = sorted(dict.fromkeys(key for key, _ in used), key=self._kind)
+        often = Counter(key for key, _ in used)
+        sums = sorted(often, key=self._kind)
         numbers, signed = {key: number for number, key in enumerate(sums)}, iter(used)
         records, conditions = np.zeros(len(trips), TRIP), []
         for one, trip in zip(records, trips):
@@ -60,7 +62,8 @@ class Watched:
             if trip.warning is not None:
                 one["near"], one["near_clear"] = trip.warning, trip.warning * (1.0 - HYSTERESIS)
             one["rises"], one["begin"] = trip.rises, len(conditions)
-            for each, (key, sign) in zip(trip.enabled, signed):
+            # those that many trips have come first: one sum that is looked at then rules out many
+            for each, (key, sign) in sorted(zip(trip.enabled, signed), key=lambda pair: -often[pair[1][0]]):
                 way = 1.0 if each.above else -1.0
                 conditions.append((numbers[key], sign * way, way * each.threshold))
             one["end"] = len(conditions)
@@ -83,6 +86,10 @@ class Watched:
             np.zeros((2, len(trips))),
             np.zeros((2, len(sums))),
             np.zeros(1 + len(trips), np.int64),
+            np.zeros(REPORTED, np.int64),
+            np.zeros((2, len(sums)), np.uint64),
+            np.zeros((2, len(sums))),
+            np.zeros((2, len(sums))),
         )
         self.look_anew()
 
@@ -130,7 +137,7 @@ class Watched:
     def look_anew(self) -> None:
         """Look at every trip after the next sample: something has changed but by the samples."""
         self.arrays.witness[:], self.arrays.counting[:] = ALL, [len(self.trips), *range(len(self.trips))]
-        self.arrays.bounds[0], self.arrays.bounds[1] = -math.inf, math.inf
+        self.arrays.bounds[0], self.arrays.bounds[1], self.arrays.looked[:] = -math.inf, math.inf, 0
 
     def says(self, gear: int, shifting: bool) -> None:
         """Take what a controller outside reports: the number of its gear, and whether it shifts."""

@@ -86,6 +86,10 @@ class Watch(NamedTuple):
         The narrowest span of each sum.
     counting : (1 + trips,) array of int64
         How many trips have no witness, and which.
+    looked : (kinds,) array of int64
+        Number of the first column behind each kind in ``places_looked``, ``weights_looked`` and ``spans_looked``.
+    places_looked, weights_looked, spans_looked : (2, sums) arrays of uint64, float and float
+        ``at``, ``pairs`` and ``bounds`` of the sums that have bounds now, closed up; the place of one of OTHER is its own number.
     """
 
     trips: Record
@@ -104,6 +108,10 @@ class Watch(NamedTuple):
     spans: Floats
     bounds: Floats
     counting: Ints
+    looked: Ints
+    places_looked: npt.NDArray[np.uint64]
+    weights_looked: Floats
+    spans_looked: Floats
 
 
 @njit(**INLINED)
@@ -124,9 +132,9 @@ def summed(k: int, watch: Watch, numbers: Floats, row: Floats) -> float:
 
 
 @njit(**INLINED)
-def past(j: int, value: float, bounds: Floats) -> float:
-    """Return by how much a sum is outside its bounds, without the branch that a comparison would be."""
-    return max(bounds[LOW, j] - value, value - bounds[HIGH, j])
+def past(j: int, value: float, bounds: Floats) -> int:
+    """Return 1 for a sum outside its bounds, without the branch that ``or`` would be."""
+    return int(value < bounds[LOW, j]) | int(value > bounds[HIGH, j])
 
 
 @njit(**INLINED)
@@ -202,6 +210,17 @@ def bounded(watch: Watch) -> None:
             bounds[LOW, j] = max(bounds[LOW, j], watch.spans[LOW, k])
             bounds[HIGH, j] = min(bounds[HIGH, j], watch.spans[HIGH, k])
     watch.counting[0] = counting
+    j = column = 0
+    for kind in range(RESTING):
+        while j < watch.ends[kind]:
+            if bounds[LOW, j] > -np.inf or bounds[HIGH, j] < np.inf:
+                watch.spans_looked[LOW, column], watch.spans_looked[HIGH, column] = bounds[LOW, j], bounds[HIGH, j]
+                for i in range(2):
+                    watch.places_looked[i, column] = watch.at[i, j] if kind != OTHER else j
+                    watch.weights_looked[i, column] = watch.pairs[i, j]
+                column += 1
+            j += 1
+        watch.looked[kind] = column
 
 
 @njit(**INNER)
@@ -241,27 +260,27 @@ def watched(watch: Watch, numbers: Floats, row: Floats, noise: Floats) -> int:
     int
         WHOLE, WARNED for a new warning, TRIPPED for a trip.
     """
-    bounds, said, ends, weights, at, stays = watch.bounds, watch.said, watch.ends, watch.pairs, watch.at, watch.stays
-    beyond = -np.inf  # by how much a sum is outside its bounds
+    bounds, said, ends, stays = watch.spans_looked, watch.said, watch.looked, watch.stays
+    at, weights, outside = watch.places_looked, watch.weights_looked, 0
     for j in range(ends[INSIDE]):
-        beyond = max(beyond, past(j, weights[0, j] * numbers[at[0, j]], bounds))
+        outside |= past(j, weights[0, j] * numbers[at[0, j]], bounds)
     for j in range(ends[INSIDE], ends[SHOWN]):
-        beyond = max(beyond, past(j, weights[0, j] * row[at[0, j]], bounds))
+        outside |= past(j, weights[0, j] * row[at[0, j]], bounds)
     for j in range(ends[SHOWN], ends[BOTH_INSIDE]):
-        beyond = max(beyond, past(j, weights[0, j] * numbers[at[0, j]] + weights[1, j] * numbers[at[1, j]], bounds))
+        outside |= past(j, weights[0, j] * numbers[at[0, j]] + weights[1, j] * numbers[at[1, j]], bounds)
     for j in range(ends[BOTH_INSIDE], ends[ONE_SHOWN]):
-        beyond = max(beyond, past(j, weights[0, j] * numbers[at[0, j]] + weights[1, j] * row[at[1, j]], bounds))
+        outside |= past(j, weights[0, j] * numbers[at[0, j]] + weights[1, j] * row[at[1, j]], bounds)
     for j in range(ends[ONE_SHOWN], ends[BOTH_SHOWN]):
-        beyond = max(beyond, past(j, weights[0, j] * row[at[0, j]] + weights[1, j] * row[at[1, j]], bounds))
+        outside |= past(j, weights[0, j] * row[at[0, j]] + weights[1, j] * row[at[1, j]], bounds)
     for j in range(ends[BOTH_SHOWN], ends[OTHER]):
-        beyond = max(beyond, past(j, summed(j, watch, numbers, row), bounds))
-    for j in range(ends[OTHER], ends[RESTING]):
-        c = at[0, j]
+        outside |= past(j, summed(at[0, j], watch, numbers, row), bounds)
+    for j in range(watch.ends[OTHER], watch.ends[RESTING]):
+        c = watch.at[0, j]
         same = row[c] == stays[LAST, c] and noise[c] >= stays[LEAST, c]
         stays[STAYED, c] = stays[STAYED, c] + 1.0 if same else 0.0
         stays[LAST, c] = row[c]
-        beyond = max(beyond, past(j, weights[0, j] * stays[STAYED, c], bounds))
-    outside = beyond > 0.0 or said[2] != said[4] or said[3] != said[5]
-    how = looked_over(outside, watch, numbers, row) if outside or watch.counting[0] > 0 else WHOLE
+        outside |= past(j, watch.pairs[0, j] * stays[STAYED, c], watch.bounds)
+    away = outside != 0 or said[2] != said[4] or said[3] != said[5]
+    how = looked_over(away, watch, numbers, row) if away or watch.counting[0] > 0 else WHOLE
     said[2], said[3] = said[0], said[1]
     return how
