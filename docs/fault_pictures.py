@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import rig_nodes
-from rig_nodes.plant import MESSAGES
+from rig_nodes.plant import LINES
 from rig_nodes.rig import faults_of, load_rig, read_fault
 from rig_nodes.view import Line, chart, write_charts
 
@@ -73,17 +73,21 @@ SIGNS: dict[str, tuple[str, float | None, float | None]] = {
     "messages.lost": ("I_zr_p2", -0.1, None),
     "messages.doubled": ("I_zr_p2", None, 5e-4),
     "messages.corrupted": ("I_zr_p2", None, 0.03),
+    "measurements.late": ("I_zr_p2", -0.3, None),
+    "measurements.lost": ("I_zr_p2", -0.3, None),
+    "measurements.corrupted": ("I_zr_p2", -0.02, None),
 }
 SIZES = {  # where the usual size does nothing in this shift
     "motor.weak": "94 %",
     "messages.lost": "90 %",
     "messages.doubled": "100 %",
+    "measurements.lost": "90 %",
 }
 
 
 def outside(fault: str) -> bool:
     """Return whether the controller stands outside the rig for a fault, as messages fail only between the two."""
-    return fault.startswith(f"{MESSAGES}.")
+    return fault.partition(".")[0] in LINES
 
 
 @contextmanager

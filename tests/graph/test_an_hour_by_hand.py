@@ -45,7 +45,7 @@ def each_kind_in_turn():
     """Returns names of faults for ever, one of each kind before the second of any kind; the parts that they are of take turns."""
     kinds = {}
     for name, one in faults_of(load_rig("hydmag", {"faults": "on"})).items():
-        if not one.lacking:
+        if not one.lacking and one.fault.part not in ("measurements", "alfa46"):  # which a rig in real time refuses
             kinds.setdefault((one.fault.part, one.fault.name), []).append(name)
     rows = itertools.zip_longest(*kinds.values())
     return len(kinds), itertools.cycle([name for row in rows for name in row if name])

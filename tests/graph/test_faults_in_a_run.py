@@ -9,6 +9,7 @@ from rclpy.parameter import Parameter
 from running_graph import Client, Graph, rig_run
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.controllers.load import load_controller
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.simulation import simulate
@@ -40,6 +41,26 @@ def test_a_run_in_lockstep_with_faults_has_the_bits_of_simulate(tmp_path):
     # the time at which orders of gears reach the box, and what nodes record beside the rig, differ
     assert {topic for topic in ours if theirs.get(topic) != ours[topic]} <= {"/controller/events", "all"}
     assert "fault injected: valve_zr_p2.sticking" in output and "from 0.434 s to 0.734 s" in output
+
+
+@pytest.mark.parametrize("spec", ["alfa46", "python:rig_nodes.controllers.examples.alfa46:Alfa46"])
+def test_what_a_controller_is_told_fails_alike_in_lockstep_and_in_simulate(tmp_path, spec):
+    faults = "measurements.late, size=4 ms; measurements.lost, size=20 %; measurements.corrupted, size=1 %, at=0.5 s"
+    (tmp_path / "ill.yaml").write_text(SEQUENCE)
+    given = [word for fault in faults.split("; ") for word in ("--fault", fault)]
+    code, output = rig_run(tmp_path / "run", "--speed", "max", "--controller", spec, *given, sequence=tmp_path / "ill.yaml")
+    assert code == 0, output
+    config = load_rig("hydmag", {"faults": faults})
+    sequence = load_sequence(tmp_path / "ill.yaml", rig="hydmag", config=config)
+    simulate(config, sequence, tmp_path / "simulated", controller=load_controller(spec, config))
+    ours, theirs = (Bag(tmp_path / name).canonical_hash() for name in ("simulated", "run"))
+    assert {topic for topic in ours if theirs.get(topic) != ours[topic]} <= {"/controller/events", "all"}
+
+
+def test_what_a_controller_is_told_does_not_fail_in_real_time(tmp_path):
+    code, output = rig_run(tmp_path / "run", "--fault", "measurements.late")
+    assert code == 2 and "rig: fault measurements.late refused: here all read the rig's measurements from the same topics" in output
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize("enabled", [True, False], ids=["enabled", "disabled"])

@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
     folder = run_folder(args.out, sequence.name if args.sequence else "by-hand")
     ordered = Ordered(config, rig, sequence if args.sequence else None, args.seed, args.delay, plug)
     with unless_empty(folder), waiting(STARTING):
-        Rig(config, args.seed, controller="external", level=None).advance_samples(1)
+        Rig(config, args.seed, "external" if args.speed is None else "plugged", level=None).advance_samples(1)
     with unless_empty(folder), from_environment(args.keep_domain) as domain:
         domain.lead()
         for device in config.cut_out:

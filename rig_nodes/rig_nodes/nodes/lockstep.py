@@ -201,7 +201,7 @@ class Lockstep:
         """Do one sample: the controller works on it while the messages are sent and the plant moves on."""
         rig = self.rig
         sample = rig.sample
-        controller.ask(sample, *rig.seen(), [rig.measurement(name) for name in controller.wants])
+        controller.ask(sample, *rig.handed(controller.wants))
         publish()
         if rig.delay > 0:
             rig.advance_samples(1)

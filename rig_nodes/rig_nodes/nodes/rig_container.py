@@ -73,8 +73,10 @@ class Container:
         check_delay(delay, arguments.speed)
         if arguments.status_fd is None:  # otherwise the supervisor has done this
             self._domain = from_environment(keep=True).lead(look=False)
-        warm_up(config, record)
-        self.rig = rig_on_the_graph(config, seed, delay=delay)
+        # in real time a sample goes to everybody, by its topic
+        controller = "external" if arguments.speed is None else "plugged"
+        warm_up(config, record, controller)
+        self.rig = rig_on_the_graph(config, seed, delay=delay, controller=controller)
         self.outputs = Outputs(self.rig, record)
         self.commands = Commands(self.outputs, process.tell)
         if arguments.speed is None:
@@ -299,7 +301,9 @@ class Container:
             raise self._failure
 
 
-def rig_on_the_graph(config: RigConfig, seed: int = 1, devices: str = "external", delay: int = 1) -> Rig:
+def rig_on_the_graph(
+    config: RigConfig, seed: int = 1, devices: str = "external", delay: int = 1, controller: str = "external"
+) -> Rig:
     """Return a rig whose shift controller, if it has one, is a separate node.
 
     Parameters
@@ -312,18 +316,20 @@ def rig_on_the_graph(config: RigConfig, seed: int = 1, devices: str = "external"
         "embedded" or "external", as for runs.rig.
     delay : int
         Delay of the controller's answers [samples], as for runs.rig.
+    controller : str
+        "external" or "plugged", as for runs.rig.
 
     Returns
     -------
     Rig
         The rig at time 0.
     """
-    return Rig(config, seed, controller="external", level=None, devices=devices, delay=delay)
+    return Rig(config, seed, controller=controller, level=None, devices=devices, delay=delay)
 
 
-def warm_up(config: RigConfig, record: dict) -> None:
+def warm_up(config: RigConfig, record: dict, controller: str) -> None:
     """Load compiled code and encoders with a rig that is then discarded, so that the first sample of the real rig is on time."""
-    rig = rig_on_the_graph(config, devices="embedded")
+    rig = rig_on_the_graph(config, devices="embedded", controller=controller)
     outputs = Outputs(rig, record)
     for _ in range(SCALAR_SAMPLES):
         list(outputs.due())

@@ -13,7 +13,7 @@ from .engine.plan import Instance as Instance, Meter as Meter, Plan as Plan, Wor
 from .engine.watch import ALL as ALL, BOTH_INSIDE as BOTH_INSIDE, BOTH_SHOWN as BOTH_SHOWN, FIRST_STAY as FIRST_STAY, INSIDE as INSIDE, ONE_SHOWN as ONE_SHOWN, OTHER as OTHER, REPORTED as REPORTED, RESTING as RESTING, SHOWN as SHOWN, TRIP as TRIP, Watch as Watch
 from .engine.warm_compile import compiling_in_parallel as compiling_in_parallel
 from .engine.world import Sizes as Sizes, beginning as beginning, driveline_dtype as driveline_dtype
-from .faults.fault import ERRATIC as ERRATIC, Fault as Fault, GROWING as GROWING, INTERMITTENT as INTERMITTENT, LOST as LOST, MESSAGES as MESSAGES, ONSETS as ONSETS, OPEN as OPEN, SHORT as SHORT, STUCK as STUCK, Size as Size, TRANSDUCER as TRANSDUCER, faults as faults
+from .faults.fault import ERRATIC as ERRATIC, Fault as Fault, GROWING as GROWING, INTERMITTENT as INTERMITTENT, LINES as LINES, LOST as LOST, MEASUREMENTS as MEASUREMENTS, MESSAGES as MESSAGES, ONSETS as ONSETS, OPEN as OPEN, SHORT as SHORT, STUCK as STUCK, Size as Size, TRANSDUCER as TRANSDUCER, faults as faults
 from .friction.bench import SPRING_TRAVEL as SPRING_TRAVEL, clamp_force as clamp_force, slip_torques as slip_torques
 from .friction.closed import osinski_factor as osinski_factor, thesis as thesis, traditional as traditional
 from .friction.geometry import Numbers as Numbers, PackGeometry as PackGeometry

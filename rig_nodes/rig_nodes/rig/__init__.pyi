@@ -12,7 +12,7 @@ from .cross_checks import cross_check as cross_check
 from .driveline import bodies_shown as bodies_shown, build_driveline as build_driveline, inertias_of as inertias_of, inputs_of as inputs_of, owns_shaft as owns_shaft, shaft_of as shaft_of
 from .effects import leave_out as leave_out
 from .picture import driveline_drawn as driveline_drawn, driveline_svg as driveline_svg
-from .faults import FAULTS as FAULTS, FAULT_OFF as FAULT_OFF, FAULT_ON as FAULT_ON, FAULT_ORDERED as FAULT_ORDERED, FaultOfRig as FaultOfRig, FaultOrder as FaultOrder, check_enabled as check_enabled, faults_of as faults_of, orders_by_name as orders_by_name, read_fault as read_fault, shown_unit as shown_unit
+from .faults import FAULTS as FAULTS, FAULTS_APART as FAULTS_APART, FAULT_OFF as FAULT_OFF, FAULT_ON as FAULT_ON, FAULT_ORDERED as FAULT_ORDERED, FaultOfRig as FaultOfRig, FaultOrder as FaultOrder, check_enabled as check_enabled, faults_of as faults_of, orders_by_name as orders_by_name, read_fault as read_fault, shown_unit as shown_unit
 from .quantities import DIMENSIONS as DIMENSIONS, QUANTITIES as QUANTITIES
 from .read import CLUTCHES as CLUTCHES
 from .recorded_rig import config_of_record as config_of_record

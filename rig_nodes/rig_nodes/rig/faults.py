@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..base import SAMPLE, UNITS, RigError, brief, check_keys, find_of_rigs, load_yaml, quantity, shown_in, span, unknown, where_of
-from ..plant import GROWING, INTERMITTENT, MESSAGES, ONSETS, TRANSDUCER, Fault, faults, uniform
+from ..plant import GROWING, INTERMITTENT, LINES, ONSETS, TRANSDUCER, Fault, faults, uniform
 from .alfa46 import OUTPUT_KEYS
 from .quantities import DIMENSIONS
 from .settings import CONTROLLER
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 RANDOM, DRAWS = "random", 1 << 34  # in place of an order, and number of the first channel of the values that draw it
 FAULT_ON, FAULT_OFF, FAULT_ORDERED = "fault_on", "fault_off", "fault_ordered"  # names of the rig's events
 FAULTS = "faults"  # key of the orders that a run begins with, among the changed values of a rig
-ENABLED, APART = "on", ";"  # without orders, and what stands between two
+ENABLED, FAULTS_APART = "on", ";"  # without orders, and what stands between two
 KEYS = ("name", "size", "onset", "over", "period", "share", "at", "when", "for", "off")
 OVER, PERIOD, SHARE = 5.0, 0.2, 0.5  # s, s and a share: of a fault that grows or comes and goes, where an order does not say
 LEAST_PERIOD, LONGEST_TIME = 2e-3, 86_400.0  # s: two samples, and a day
@@ -148,7 +148,7 @@ def faults_of(config: RigConfig) -> dict[str, FaultOfRig]:
             off = bool(fault.effect) and not getattr(config.effects, fault.effect)
             why = why or (f"effects.{fault.effect} is off, so it would change nothing" if off else fault.lacks(configs))
             found[name] = FaultOfRig(name, owner, fault, fault.spn + k, configs, why)
-    owners = [*(one.name for one in structure.devices), *_names(config), *OUTPUT_KEYS, MESSAGES]
+    owners = [*(one.name for one in structure.devices), *_names(config), *OUTPUT_KEYS, *LINES]
     order = {name: k for k, name in enumerate(owners)}
     return dict(sorted(found.items(), key=lambda one: order[one[1].owner]))
 
@@ -160,8 +160,8 @@ def _names(config: RigConfig) -> list[str]:
 def _owners(config: RigConfig, fault: Fault) -> list[tuple[str, tuple[Any, ...], str]]:
     """What of a rig a type of fault acts on: name, configuration, and why it cannot be."""
     structure = config.structure
-    if fault.part == MESSAGES:
-        return [(MESSAGES, (), "")] if structure.shifts else []
+    if fault.part in LINES:
+        return [(fault.part, (), "")] if structure.shifts else []
     prescribed = "the rig's pressures are prescribed" if config.prescribed else ""
     if fault.part == CONTROLLER:
         driven = {valve.wires["output"] - 1 for valve in structure.valves if structure.shifts}
@@ -302,7 +302,7 @@ def orders_of(config: RigConfig, text: str, where: str) -> tuple[str, ...]:
     """Return the orders of the value of the key FAULTS as texts, each checked; RigError for one that the rig refuses."""
     if text.strip() == ENABLED:
         return ()
-    return tuple(read_fault(config, one.strip(), where).text for one in text.split(APART))
+    return tuple(read_fault(config, one.strip(), where).text for one in text.split(FAULTS_APART))
 
 
 def orders_by_name(names: list[str], rig: str, seed: int, settings: Mapping[str, str]) -> str:
@@ -339,7 +339,7 @@ def orders_by_name(names: list[str], rig: str, seed: int, settings: Mapping[str,
         config = load_rig(rig, dict(settings))
         for number in range(names.count(RANDOM)):
             orders.append(random_fault(config, seed, number, orders))
-    return f" {APART} ".join(orders) or ENABLED
+    return f" {FAULTS_APART} ".join(orders) or ENABLED
 
 
 def random_fault(config: RigConfig, seed: int, number: int, others: list[str]) -> str:
@@ -349,7 +349,7 @@ def random_fault(config: RigConfig, seed: int, number: int, others: list[str]) -
         one
         for one in faults_of(config).values()
         if not one.lacking
-        and one.fault.part not in (MESSAGES, CONTROLLER)  # which of the two a rig can have depends on its controller
+        and one.fault.part not in (*LINES, CONTROLLER)  # which of them a rig can have depends on its controller
         and one.name not in taken
         and not (one.fault.pairs and f"{one.configs[1]}.{one.fault.name}" in taken)
     ]

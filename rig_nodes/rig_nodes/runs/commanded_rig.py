@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a rig takes from its shift controller: commands of one outside, their age, and orders of gears for one inside.
+"""What goes between a rig and its shift controller: samples and commands of one outside, their age, and orders for one inside.
 
 runs.rig.Rig derives from it; verbs check a controller's level by it before a run.
 """
@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base import COMMAND_TIMEOUT, SAMPLE_NS, RigError
 from ..controllers import LEVELS, refusal
-from ..plant import BY_DUTY, BY_SETPOINT
+from ..plant import BY_DUTY, BY_SETPOINT, MEASUREMENTS, MESSAGES
 from ..plant import alfa46_law as law
 from ..rig import BAD_CONTROLLER
 from .faults import NEVER
@@ -63,6 +63,8 @@ class CommandedRig(RigBase):
         True when it has a shift controller, inside or outside.
     embedded : bool
         True when the controller runs inside.
+    plugged : bool
+        True when one outside is given each sample by :meth:`handed`.
     level : str or None
         Level of the commands of a controller outside; None before the first one decides it.
     delay : int
@@ -82,12 +84,17 @@ class CommandedRig(RigBase):
     config: RigConfig
     shifts: bool
     embedded: bool
+    plugged: bool
     level: str | None
     delay: int
     valve_names: tuple[str, ...]
     valves: list[np.void]
     faults: Faults | None
     asked_from: int
+
+    @abstractmethod
+    def seen(self, row: Sequence[Any] | None = None) -> tuple[list[Any], list[Any]]:
+        """Return what the controller's newest sample carries."""
 
     @property
     @abstractmethod
@@ -109,6 +116,11 @@ class CommandedRig(RigBase):
         self._to_come: deque[tuple] = deque()  # commands that do not act yet: boundary, function, values, sample
         self._last_command = -1  # sample that the newest valid command from outside answers
         self._arrived = -1  # that of the newest to arrive; first that of the first one, so that an age counts where none arrives
+        # rows on their way to a plugged controller, each with the sample at which it is there, and the one that it has
+        self._under_way: Sequence[tuple[int, list[float]]] = ()
+        self._arrived_row: list[float] = []
+        ranges = {one.name: (one.low, one.high) for one in config.structure.transducers}
+        self._ranges = [ranges.get(name, (0.0, 0.0)) for name in self.channels]
         self._held_open = False  # True after a reset: no command acts until the controller has been in neutral
         self.idle_command = ""
         self._ordered: int | None = None  # gear that the embedded controller takes at its next sample
@@ -117,6 +129,37 @@ class CommandedRig(RigBase):
     def ask_anew(self) -> None:
         """Give a controller outside, from the present sample on, the time that a silent one has for its first answer."""
         self.asked_from = self.sample
+
+    def handed(self, wants: Sequence[str]) -> tuple[list[float], list[float], list[float]]:
+        """Return what a plugged controller is given at the present sample, as faults let it come; called once for each sample.
+
+        Parameters
+        ----------
+        wants : sequence of str
+            Transducers that it receives in addition to those of its record.
+
+        Returns
+        -------
+        currents : (outputs,) list of float
+            Measured coil current at each output of the controller [A].
+        measured : (transducers,) list of float
+            Values of the controller's transducers in the order of its record [SI].
+        others : (wants,) list of float
+            Values of the additional ones [SI].
+        """
+        row = self.row().tolist()
+        if self.faults is not None:
+            row = self._told(row)
+        return *self.seen(row), [row[self.channels.index(name)] for name in wants]
+
+    def _told(self, row: list[float]) -> list[float]:
+        """Return the row that a controller has when this one is sent to it: the newest that is there, the very first at once."""
+        way, now = self._under_way, self.sample
+        for boundary, values in self.faults.lines[MEASUREMENTS].carried(now, now, row, self._ranges):
+            way = (*way, (max(boundary, way[-1][0]) if way else boundary, values))  # none overtakes another
+        there = [values for boundary, values in way if boundary <= now]
+        self._under_way, self._arrived_row = way[len(there) :], there[-1] if there else self._arrived_row or row
+        return self._arrived_row
 
     @property
     def output_names(self) -> str:
@@ -301,7 +344,7 @@ class CommandedRig(RigBase):
         """Have a command act at its boundary, or as faults of the messages let it arrive."""
         arrives = [(sample + self.delay, values)]
         if self.faults is not None:
-            arrives = self.faults.carried(sample + self.delay, sample, values, most)
+            arrives = self.faults.lines[MESSAGES].carried(sample + self.delay, sample, values, [(0.0, most)] * len(values))
         if self._arrived < 0:
             self._arrived = int(sample)  # lost or late, too: the age counts from here
         if not arrives:

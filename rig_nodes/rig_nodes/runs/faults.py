@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..base import SAMPLE, TICK_SAMPLES, RigError
-from ..plant import GROWING, HIGH, INTERMITTENT, LOW, MESSAGES, NOISE, TRANSDUCER, uniform
+from ..plant import GROWING, HIGH, INTERMITTENT, LINES, LOW, MEASUREMENTS, MESSAGES, NOISE, TRANSDUCER, uniform
 from ..rig import CONTROLLER, CONTROLLER_COMMAND, FAULT_OFF, FAULT_ON, FAULT_ORDERED, OUTPUT_KEYS, FaultOrder, faults_of, read_fault
 
 if TYPE_CHECKING:
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from .rig import Rig
 
 NEVER = 1 << 62  # sample that does not come
-DRAWS = 1 << 33  # number of the first channel of random values of messages
 LATE, LOST, DOUBLED, CORRUPTED = "late", "lost", "doubled", "corrupted"
+DRAWS = {MESSAGES: 1 << 33, MEASUREMENTS: (1 << 33) + (1 << 16)}  # numbers of the first channels of random values of messages
 
 
 class News(NamedTuple):
@@ -154,6 +154,61 @@ class _Profile(_Written):
         self.values[:] = self.rig.config.alfa46.profiles[self.output]
 
 
+class Line:
+    """The messages in one direction between controller and rig, and what is wrong with them.
+
+    Parameters
+    ----------
+    seed : int
+        Seed by which it is drawn which of them a fault meets.
+    part : str
+        One of plant.LINES.
+
+    Attributes
+    ----------
+    levels : dict of str to float
+        What acts now: a delay [s], and shares of the messages.
+    """
+
+    def __init__(self, seed: int, part: str) -> None:
+        self._seed, self._draws = seed, DRAWS[part]
+        self.levels = dict.fromkeys((LATE, LOST, DOUBLED, CORRUPTED), 0.0)
+
+    def carried(
+        self, boundary: int, sample: int, values: Sequence[float], ranges: Sequence[tuple[float, float]]
+    ) -> list[tuple[int, list[float]]]:
+        """Return what arrives of a message, by the boundary at which each is there.
+
+        Parameters
+        ----------
+        boundary : int
+            Boundary at which the message would be there.
+        sample : int
+            The sample that it answers, or tells.
+        values : sequence of float
+            Its numbers.
+        ranges : sequence of (float, float)
+            The smallest and the largest of each.
+
+        Returns
+        -------
+        list of (int, list of float)
+            Boundaries and values; empty where the message is lost. NEVER is the boundary of a copy, which waits for the next one.
+        """
+        if self._drawn(LOST, sample):
+            return []
+        values, boundary = list(values), boundary + round(self.levels[LATE] / SAMPLE)
+        if self._drawn(CORRUPTED, sample):
+            values = [low + (high - low) * self._uniform(CORRUPTED, sample, k + 1) for k, (low, high) in enumerate(ranges)]
+        return [(boundary, values), *([(NEVER, values)] if self._drawn(DOUBLED, sample) else [])]
+
+    def _drawn(self, what: str, sample: int) -> bool:
+        return self.levels[what] > 0.0 and self._uniform(what, sample, 0) < self.levels[what]
+
+    def _uniform(self, what: str, sample: int, number: int) -> float:
+        return uniform(self._seed, self._draws + 8 * list(self.levels).index(what) + number, sample)
+
+
 class Faults:
     """The faults of one rig.
 
@@ -168,6 +223,8 @@ class Faults:
         Next sample at which something may change.
     acting : list of Acting
         The orders that are not over, in the order in which they came.
+    lines : dict of str to Line
+        The messages between controller and rig, by plant.LINES.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -175,7 +232,7 @@ class Faults:
         self.acting: list[Acting] = []
         self._targets: dict[str, _Written] = {}
         self._swaps: list[tuple[str, str]] = []  # transducers whose wires are exchanged, one pair after the other
-        self._messages: dict[str, float] = dict.fromkeys((LATE, LOST, DOUBLED, CORRUPTED), 0.0)
+        self.lines = {part: Line(rig.seed, part) for part in LINES}
         self._news: list[News] = []
         self._readings: Any = None
         self.next = NEVER
@@ -206,8 +263,13 @@ class Faults:
     def check(self, text: str) -> FaultOrder:
         """Return an order that the rig takes as it stands now; RigError, as for :meth:`order`."""
         rig, order = self._rig, read_fault(self._rig.config, text, "fault")
-        if order.of.fault.part == MESSAGES and rig.embedded:
+        if order.of.fault.part in LINES and rig.embedded:
             raise RigError(f"fault {order.of.name} refused: the Alfa46 runs inside the rig, without messages; plug a controller")
+        if order.of.fault.part == MEASUREMENTS and not rig.plugged:
+            raise RigError(
+                f"fault {order.of.name} refused: here all read the rig's measurements from the same topics or outputs; a plugged "
+                "controller gets its own in simulate, in a session and in run --speed"
+            )
         if order.of.fault.part == CONTROLLER and not rig.embedded:
             raise RigError(f"fault {order.of.name} refused: the shift controller is outside, and its fill times are its own")
         same = self._same(order)
@@ -334,7 +396,8 @@ class Faults:
             target.restore()
         while self._swaps:  # two that share a wire come apart only in reversed order
             self._rig.swap_wires(*self._swaps.pop())
-        self._messages.update(dict.fromkeys(self._messages, 0.0))
+        for line in self.lines.values():
+            line.levels.update(dict.fromkeys(line.levels, 0.0))
 
     def apply(self) -> None:
         """Write what the faults that act now change, one after the other from the healthy values."""
@@ -362,47 +425,13 @@ class Faults:
         if key not in self._targets:
             if of.fault.part == TRANSDUCER:
                 self._targets[key] = _Channel(rig, of.owner, of.configs[1], self._swaps)
-            elif of.fault.part == MESSAGES:
-                self._targets[key] = _Written(self._messages)
+            elif of.fault.part in LINES:
+                self._targets[key] = _Written(self.lines[of.fault.part].levels)
             elif of.fault.part == CONTROLLER:
                 self._targets[key] = _Profile(rig, OUTPUT_KEYS.index(of.owner))
             else:
                 self._targets[key] = _Written(rig.world.values(of.owner), rig.device(of.owner), of.configs)
         return self._targets[key]
-
-    # ---- messages
-
-    def carried(self, boundary: int, sample: int, values: Sequence[float], most: float) -> list[tuple[int, list[float]]]:
-        """Return what arrives of a command, by the boundary from which each acts.
-
-        Parameters
-        ----------
-        boundary : int
-            Boundary at which the command would act.
-        sample : int
-            The sample that it answers.
-        values : sequence of float
-            One number for each output.
-        most : float
-            The largest such number.
-
-        Returns
-        -------
-        list of (int, list of float)
-            Boundaries and values; empty where the command is lost. NEVER is the boundary of a copy, which waits for the next one.
-        """
-        if self._drawn(LOST, sample):
-            return []
-        values, boundary = list(values), boundary + round(self._messages[LATE] / SAMPLE)
-        if self._drawn(CORRUPTED, sample):
-            values = [most * self._uniform(CORRUPTED, sample, k + 1) for k in range(len(values))]
-        return [(boundary, values), *([(NEVER, values)] if self._drawn(DOUBLED, sample) else [])]
-
-    def _drawn(self, what: str, sample: int) -> bool:
-        return self._messages[what] > 0.0 and self._uniform(what, sample, 0) < self._messages[what]
-
-    def _uniform(self, what: str, sample: int, number: int) -> float:
-        return uniform(self._rig.seed, DRAWS + 8 * list(self._messages).index(what) + number, sample)
 
     # ---- the state, saved and restored
 

@@ -21,12 +21,14 @@ from ..analysis import Gathered
 from ..bags import BagWriter, OpenedBags, canonical_hash, encoder
 from ..base import SAMPLE, SAMPLE_NS, SWITCH, RigError, Uninterrupted
 from ..controllers import LEVELS, ControllerFailed, Plug
+from ..plant import MEASUREMENTS
 from ..rig import (
     BAD_CONTROLLER,
     CHANGED,
     CONTROLLER,
     CONTROLLER_COMMAND,
     CONTROLLER_EVENTS,
+    FAULT_ON,
     FAULT_ORDERED,
     RED_BUTTON,
     RESET_EVENT,
@@ -173,7 +175,7 @@ def rerun_plant(bag: Gathered, config: RigConfig, folder: Path) -> tuple[list[st
     if config.structure.shifts and first is None:
         raise RigError(f"{bag.path}: holds no valve commands, which the rig '{config.name}' needs")
     level = LEVELS[first.level] if first is not None else None
-    rig = Rig(config, int(bag.run_info().get("seed", 1)), "external", level, delay=found.delay)
+    rig = Rig(config, int(bag.run_info().get("seed", 1)), "plugged", level, delay=found.delay)  # as that of the bag may be
     notes: list[str] = []
     stops = Uninterrupted()
     with stops, BagWriter(folder, bag.path.stem.rpartition("_")[0] or bag.path.stem, topics=config.catalogue.all_topics) as new:
@@ -330,6 +332,9 @@ def _through(bag: Gathered, config: RigConfig, controller: Plug, spec: str, fold
     if SAMPLES not in bag.types or CONTROLLER_COMMAND not in bag.types:
         raise RigError(f"{bag.path}: holds no samples and commands of a shift controller")
     found, others = _inputs_of(bag, config), _others(bag, controller.wants)
+    begun = [text for events in found.events.values() for _, name, text, _ in events if name == FAULT_ON]
+    if ill := [text for text in begun if text.startswith(f"{MEASUREMENTS}.")]:
+        raise RigError(f"{bag.path}: holds what was measured, and not what its controller was told with the fault {ill[0]}")
     level = LEVELS.index(controller.level)
     recorded_level = found.commands.first.level
     if level != recorded_level:

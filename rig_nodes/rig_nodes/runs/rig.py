@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 VALUES = (
     *("sample", "config", "level", "reason", "tripped_by", "stopped_by_person", "idle_command"),
     *("_by", "_gear", "_shifting", "_flags", "_silent", "_trouble", "_last_command", "_arrived", "_held_open", "_ordered"),
+    *("_under_way", "_arrived_row"),
 )
 
 
@@ -72,7 +73,8 @@ class Rig(CommandedRig, ShownState):
     seed : int
         Seed of the transducers' errors and noise.
     controller : str
-        "embedded" runs the Alfa46 inside the rig; "external" waits for commands of the given ``level``.
+        "embedded" runs the Alfa46 inside the rig; "external" waits for commands of the given ``level``, and "plugged" too, whose
+        caller gives the controller each sample by :meth:`handed`.
     level : str or None
         Level of an external controller's commands: "duty" of the coils, or "current" setpoints for the rig's own power
         stage; None takes the level of the first command.
@@ -101,19 +103,19 @@ class Rig(CommandedRig, ShownState):
     ) -> None:
         if devices not in ("embedded", "external"):
             raise RigError(f"devices is '{devices}', expected 'embedded' or 'external'")
-        if controller not in ("embedded", "external"):
-            raise RigError(f"controller is '{controller}', expected 'embedded' or 'external'")
+        if controller not in ("embedded", "external", "plugged"):
+            raise RigError(f"controller is '{controller}', expected 'embedded', 'external' or 'plugged'")
         if delay < 0 or (delay != 1 and controller == "embedded"):
             raise RigError(f"delay is {delay}, expected 0 or more samples of an external controller, or 1")
         if level not in (None, *LEVELS):
             raise RigError(f"level is '{level}', expected 'duty' or 'current'")
         self.shifts = config.structure.shifts  # there is a shift controller, in it or outside
-        if controller == "external" and self.shifts:
+        if controller != "embedded" and self.shifts:
             check_level(config, level)
         self._first = self.config = config
         self.seed, self.level = int(seed), level if self.shifts else None
         self.settings = config.settings
-        self.embedded = controller == "embedded" and self.shifts
+        self.embedded, self.plugged = controller == "embedded" and self.shifts, controller == "plugged"
         if self.embedded and (why := beyond_alfa46(config.transmission)):
             raise RigError(why)
         self.count_steps(config.kernel.step, config.instruments.logger_rate, config.catalogue)
@@ -319,6 +321,7 @@ class Rig(CommandedRig, ShownState):
         self._silent, self._trouble = False, ""
         self._last_command, self._arrived, self._gear, self._shifting = -1, -1, 0, False
         self._to_come.clear()
+        self._under_way, self._arrived_row = (), []
         for valve in self.valves:
             valve["pending"] = 0.0
         self.cuts.excuse()

@@ -336,6 +336,7 @@ class Session:
         self._give(*command)
         self._command = command
         self._plug = self._listener.controller = None  # who commands by hand takes over from a plugged controller
+        self.rig.plugged = False
 
     def _give(self, level: str, values: tuple[float, ...]) -> None:
         """Give the rig a command for this sample, where that was not done."""

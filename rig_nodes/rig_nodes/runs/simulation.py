@@ -222,7 +222,7 @@ def rig_for(config: RigConfig, seed: int, controller: Plug | None = None, delay:
     if controller is None:
         return Rig(config, seed)
     check_controller(config)
-    return Rig(config, seed, controller="external", level=controller.level, delay=delay)
+    return Rig(config, seed, controller="plugged", level=controller.level, delay=delay)
 
 
 def runner_on(
@@ -258,8 +258,8 @@ def runner_on(
 
 
 def ask_controller(rig: Rig, controller: Plug) -> Answer | None:
-    """Return the plug's answer to the newest sample, from the measured values; None when the plug discards the sample."""
-    return controller.step(rig.sample, *rig.seen(), [rig.measurement(name) for name in controller.wants])
+    """Return the plug's answer to the newest sample, from what reaches it of that; None when the plug discards the sample."""
+    return controller.step(rig.sample, *rig.handed(controller.wants))
 
 
 def give_answer(rig: Rig, controller: Plug, sample: int, answer: Answer) -> None:

@@ -17,9 +17,10 @@ from typing import Any, Protocol
 from ...base import Group
 
 FAMILIES = Group("faults", "fault", __package__, "FAULTS")
-# What a fault acts on where that is no type of device: a transducer, or the messages between rig and controller, whose name in
-# orders is also their name as an owner; that of an output of the Alfa46 is "alfa46".
-TRANSDUCER, MESSAGES = "transducer", "messages"
+# What a fault acts on where that is no type of device: a transducer, or the messages in one direction between controller and rig,
+# whose name in orders is also their name as an owner; that of an output of the Alfa46 is "alfa46".
+TRANSDUCER = "transducer"
+MESSAGES, MEASUREMENTS = LINES = ("messages", "measurements")
 ABRUPT, GROWING, INTERMITTENT = ONSETS = ("abrupt", "growing", "intermittent")
 # of suspect parameters that SAE J1939 leaves to a manufacturer, behind those of trips; FMIs are numbered in SAE J1939-73
 FIRST_SPN = 522_240
@@ -91,6 +92,11 @@ class Size:
     text: str
 
 
+def nothing(_configs: tuple[Any, ...]) -> str:
+    """Return what a device lacks for a fault that every one of its type can have; a lambda would not be pickled with an order."""
+    return ""
+
+
 @dataclass(frozen=True)
 class Fault:
     """A type of fault.
@@ -100,7 +106,7 @@ class Fault:
     name : str
         Its name, behind that of what it acts on.
     part : str
-        Type of device, or TRANSDUCER or MESSAGES, or "alfa46".
+        Type of device, or TRANSDUCER or one of LINES, or "alfa46".
     sub : str
         What of it fails.
     text, sign : str
@@ -137,7 +143,7 @@ class Fault:
     size: Size | None = None
     onset: str = ABRUPT
     built_in: bool = False
-    lacks: Callable[[tuple[Any, ...]], str] = lambda _configs: ""
+    lacks: Callable[[tuple[Any, ...]], str] = nothing
     effect: str = ""
     pairs: bool = False
     keeps: bool = False

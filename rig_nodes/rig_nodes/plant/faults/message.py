@@ -5,46 +5,41 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from .fault import FIRST_SPN, MESSAGES, NETWORK, UPDATE, Fault, Size
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from .fault import Target
 
 SPN = FIRST_SPN + 224
 
 
-def written(key: str) -> Callable[[Target, float], None]:
-    """Return the act that writes the size under a key."""
-
-    def act(messages: Target, size: float) -> None:
-        messages[key] = max(messages[key], size)
-
-    return act
+def written(key: str, messages: Target, size: float) -> None:
+    """Write the size under a key."""
+    messages[key] = max(messages[key], size)
 
 
 FAULTS = (
     Fault(
         *("late", MESSAGES, "line", "Commands come late."),
-        *("the answer to an order, and all that follows, is late", written("late"), SPN, UPDATE),
+        *("the answer to an order, and all that follows, is late", partial(written, "late"), SPN, UPDATE),
         Size("time", 0.0, 2.0, 0.03, "delay"),
     ),
     Fault(
         *("lost", MESSAGES, "line", "Commands are lost."),
-        *("the age of the commands grows", written("lost"), SPN, UPDATE),
+        *("the age of the commands grows", partial(written, "lost"), SPN, UPDATE),
         Size("ratio", 0.0, 1.0, 0.2, "share of the commands"),
     ),
     Fault(
         *("doubled", MESSAGES, "line", "Commands come a second time, behind the next one."),
-        *("commands act out of order; current and pressure hardly show it", written("doubled"), SPN, NETWORK),
+        *("commands act out of order; current and pressure hardly show it", partial(written, "doubled"), SPN, NETWORK),
         Size("ratio", 0.0, 1.0, 0.2, "share of the commands"),
     ),
     Fault(
         *("corrupted", MESSAGES, "line", "Commands are corrupted, in their range."),
-        *("current and pressure jump", written("corrupted"), SPN, NETWORK),
+        *("current and pressure jump", partial(written, "corrupted"), SPN, NETWORK),
         Size("ratio", 0.0, 1.0, 0.02, "share of the commands"),
     ),
 )

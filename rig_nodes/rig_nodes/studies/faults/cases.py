@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base import RigError
-from ...plant import MESSAGES, uniform
+from ...plant import LINES, uniform
 from ...plant import part as parts
 from ...rig import check_gearbox, faults_of, shown_unit, with_overrides
 from ...runs import Session
@@ -115,7 +115,7 @@ def cases_of(config: RigConfig, seed: int, healthy: int, repeats: int, sizes: Se
     wanted: list[tuple[str, float]] = [(HEALTHY, 1.0)] * healthy
     known = faults_of(config)
     for one in known.values():
-        if not one.lacking and one.fault.part != MESSAGES:
+        if not one.lacking and one.fault.part not in LINES:
             wanted += [(one.name, size) for size in _sizes(one.fault, sizes) for _ in range(repeats)]
     out = []
     for number, (fault, size) in enumerate(wanted):
