@@ -3,10 +3,15 @@
 
 """The rig's FMUs of both versions, built once."""
 
+import sys
+from pathlib import Path
+
 import pytest
 
 from rig_nodes.controllers.fmi.importer import Fmu
 from rig_nodes.runs.fmu.build import build_rig_fmu
+
+sys.path.insert(0, str(Path(__file__).parent))  # for test_state.py
 
 
 @pytest.fixture(scope="session")

@@ -18,10 +18,10 @@ from pathlib import Path
 
 from ...base import RigError, printable, quoted
 from ...controllers import Fmu
-from ...rig import RigConfig, load_rig
+from ...rig import FAULTS_APART, RigConfig, load_rig
 from ..sequence import Sequence, load_sequence
 from ..sequence_runner import SequenceRunner
-from .rig_variables import enable_of
+from .rig_variables import FAULT, enable_of
 
 TICK = 5  # ms between two polls of a sequence
 SCALAR = 10  # ms between two messages of a transducer; a sequence reads the newest one
@@ -47,12 +47,23 @@ class FmuBench:
         self._read = fmu.reader(self.names)
         self._readings: dict[str, float] = {}
         self._gear: int | None = None
+        self._faults: list[str] = []  # orders that the next step takes
 
     def hear(self, ms: int) -> None:
         """Read the outputs as often as a listener on the rig's topics receives them: transducers at 100 Hz, states at 200 Hz."""
         for name, value, state in zip(self.names, self._read(), self._states, strict=True):
             if ms % SCALAR == 0 or state:
                 self._readings[name] = float(value)
+
+    def step(self, ms: int) -> None:
+        """Step to the next poll; a first millisecond takes the orders of faults, so that later ones may have the same text."""
+        first = 1 if self._faults else 0
+        if self._faults:
+            self.fmu.set(**{FAULT: FAULTS_APART.join(self._faults)})
+            self.fmu.step(ms * 1e-3, 1e-3)
+            self.fmu.set(**{FAULT: ""})
+            self._faults = []
+        self.fmu.step((ms + first) * 1e-3, (TICK - first) * 1e-3)
 
     def ready(self) -> bool:
         """Return True, because the FMU is ready from the start."""
@@ -89,8 +100,8 @@ class FmuBench:
         self.fmu.set(**{name: value})
 
     def fault(self, order: str) -> None:
-        """Refuse an order of a fault: an FMU has the faults with which it was made."""
-        raise RigError(f"an FMU takes no order of a fault while it runs; make it with --set faults='{order}'")
+        """Order a fault or its end with the next step; those of one time are one text."""
+        self._faults.append(order)
 
     def changed(self) -> bool:
         """Return True, because a parameter has its value as soon as it is set."""
@@ -136,20 +147,21 @@ def drive(fmu: Fmu, sequence: Sequence, config: RigConfig, **parameters: float |
     try:
         while ms == 0 or not runner.poll(ms * 1e-3):
             bench.hear(ms)
-            fmu.step(ms * 1e-3, TICK * 1e-3)
+            bench.step(ms)
             ms += TICK
     finally:
         fmu.terminate()
     return ms * 1e-3
 
 
-def rig_in(fmu: str) -> str:
-    """Return the name or file by which the rig in an FMU was exported; RigError when it is not an FMU of a rig."""
+def origin_of(fmu: str) -> tuple[str, dict[str, str]]:
+    """Return rig and changed values, as load_rig takes them, of which an FMU was made; RigError when it is not one of a rig."""
     try:
         with zipfile.ZipFile(fmu) as archive:
-            return json.loads(archive.read("resources/rig.json"))["rig"]
+            origin = json.loads(archive.read("resources/rig.json"))
+            return origin["rig"], origin["set"]
     except (OSError, zipfile.BadZipFile, KeyError, ValueError):
-        raise RigError(f"{fmu}: is not what ./rig export fmu wrote; name the rig in it by --rig") from None
+        raise RigError(f"{fmu}: is not what ./rig export fmu wrote") from None
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -164,8 +176,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         record = str(Path(parsed.out).resolve()) if parsed.out else ""
         with Fmu(parsed.fmu) as fmu:
-            rig = parsed.rig or rig_in(parsed.fmu)
-            config = load_rig(rig)
+            made_of, overrides = origin_of(parsed.fmu)
+            rig = parsed.rig or made_of
+            config = load_rig(rig, overrides)
             sequence = load_sequence(parsed.sequence, None, rig, config=config)
             seconds = drive(fmu, sequence, config, record=record, seed=parsed.seed)
         print(f"{seconds:g} s driven" + (f"; look at it with: ./rig report {quoted(parsed.out)}" if parsed.out else ""))

@@ -143,6 +143,7 @@ class RigModel:
         else:
             self.rig = Rig(config, int(values["seed"]))
         self._given, self._changed_config = {}, config
+        self._faults_ordered = ""
         self._first, self._first_texts = values.numbers.copy(), list(values.texts)
         self._acted = self._first  # values that act on the rig
         self._tunables = Tunables(config, values)
@@ -171,6 +172,7 @@ class RigModel:
             if self._recording is not None:
                 topic = CONTROLLER_EVENTS if setting.owner == CONTROLLER else "/rig/events"
                 self._recording.outputs.event(topic, CHANGED, setting.sentence(value), value)
+        self._order_faults()
         self._acted = self.values.numbers.copy()
         command = self._command() if self.rig.shifts and not self.rig.embedded else None
         first = self.rig.sample
@@ -203,6 +205,17 @@ class RigModel:
             self._given[step] = given
             if self._recording is not None:
                 self._recording.outputs.setpoint(setpoint.topic, *given)
+
+    def _order_faults(self) -> None:
+        """Order the faults of the input for them when its text has changed; an empty one orders none."""
+        from ...rig import FAULTS_APART
+        from .rig_variables import FAULT
+
+        if self.rig.faults is None or (text := self.values.text(FAULT)) == self._faults_ordered:
+            return
+        for order in text.split(FAULTS_APART) if text else ():
+            self.rig.order_fault(order)
+        self._faults_ordered = text
 
     def _command(self) -> tuple:
         """Return (command, setpoint, gear, shifting, flags) of the importer's controller."""
@@ -247,7 +260,13 @@ class RigModel:
         self._check_unrecorded()
         state = self.rig.snapshot()
         plain = {name: value for name, value in state.values.items() if name != "config"}
-        head = {"values": plain, "to_come": state.to_come, "texts": self._first_texts, "faults": _plain(state.faults)}
+        head = {
+            "values": plain,
+            "to_come": state.to_come,
+            "texts": self._first_texts,
+            "faults": _plain(state.faults),
+            "ordered": self._faults_ordered,
+        }
         return to_bytes(self._key, head, [self._first, self._acted, *state.arrays])
 
     def restore(self, data: bytes) -> None:
@@ -283,6 +302,7 @@ class RigModel:
         faults = _acting(head["faults"], self._changed_config)
         then = {"values": state.values | head["values"], "to_come": head["to_come"], "arrays": arrays, "faults": faults}
         self.rig.restore(replace(state, **then))
+        self._faults_ordered = head["ordered"]
         values.numbers[:], values.texts[:] = now
 
     def _check_unrecorded(self) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from ...base import NOT_WRITTEN, SI, SWITCH
 from ...controllers import record_of
 from ...plant import part as parts
-from ...rig import CONTROLLER_COMMAND, RigConfig, Setpoint, Setting, cross_check
+from ...rig import CONTROLLER_COMMAND, FAULTS_APART, RigConfig, Setpoint, Setting, cross_check
 from ..rig import Rig
 from ..topics import Readings, States
 from .description import Variable
@@ -34,6 +34,7 @@ UNITS = {
     "V/(A s)": "V/(A.s)",
 }
 CONTROLLERS = ("embedded", "duty", "current")  # values of the parameter controller
+FAULT = "fault"  # input that takes orders of faults
 
 
 def rig_variables(config: RigConfig) -> list[Variable]:
@@ -87,7 +88,14 @@ def _inputs(config: RigConfig) -> list[Variable]:
             ),
             Variable(enable_of(setpoint), "boolean", "input", f"{one.text}: on", False),
         ]
-    return [*out, *_controller_inputs(config)] if config.structure.shifts else out
+    if config.structure.shifts:
+        out += _controller_inputs(config)
+    if config.faults is not None:
+        # a string, because an order is a text everywhere; FMPy and libcosim set strings between steps, and a tool that has no
+        # strings takes an FMU that was made without faults
+        text = f"Orders of faults and of their ends, {FAULTS_APART} between two, taken by the next step when the text has changed"
+        out.append(Variable(FAULT, "string", "input", text, ""))
+    return out
 
 
 def _controller_inputs(config: RigConfig) -> list[Variable]:
