@@ -10,7 +10,8 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from ..base import DEFAULT_RIG, ProgressLine, RigError
+from ..base import DEFAULT_RIG, ProgressLine, RigError, atomic_write, optional
+from .output_files import OutputFile
 from .run_arguments import StepTimeout, add_in_process, controller_of, step_timeout
 from .shared_arguments import add_rig
 
@@ -48,6 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="shift with each fault of the rig instead: tripped in time, shifted well, shifted badly, did harm or failed itself",
     )
     check.add_argument("--only", metavar="NAMES", help="with --faults: those with these names, e.g. 'motor.*,messages.late'")
+    check.add_argument(
+        "--html", type=OutputFile("page"), metavar="FILE", help="with --faults: write the table as one self-contained page"
+    )
     check.add_argument("--json", action="store_true", help="print the table as JSON")
     new = verbs.add_parser("new", help="write a template that shifts", allow_abbrev=False)
     new.add_argument("kind", choices=sorted(TEMPLATES), help="what it is: " + ", ".join(TEMPLATES))
@@ -69,6 +73,8 @@ def check(args: argparse.Namespace) -> int:
     say = (lambda text: None) if quiet else (lambda text: print(f"        {text}", flush=True))
     if args.only is not None and not args.faults:
         raise RigError("--only names faults, so it goes with --faults")
+    if args.html is not None and not args.faults:
+        raise RigError("--html is the page of the shifts with faults; give --faults too")
     config = load_gearbox_rig(args.rig, None, "controller check")
     if args.faults:
         return check_faults(args, config)
@@ -91,10 +97,12 @@ def check(args: argparse.Namespace) -> int:
 
 
 def check_faults(args: argparse.Namespace, config: RigConfig) -> int:
-    """Shift with each fault and print what became of it; the table is no verdict, so the exit code is 0."""
+    """Shift with each fault, print what became of it and write its page; the table is no verdict, so the exit code is 0."""
     from ..controllers import load_controller
     from ..runs import check_under_faults
 
+    if args.html is not None:
+        optional("jinja2")  # a page that cannot be made is refused before the shifts
     spec, rows = controller_of(args.spec, args.in_process), []
 
     def load(rig: RigConfig) -> Plug:
@@ -105,18 +113,22 @@ def check_faults(args: argparse.Namespace, config: RigConfig) -> int:
 
     line = ProgressLine() if args.json else None
     for one in check_under_faults(load, config, "*" if args.only is None else args.only):
-        rows.append(one._asdict())
+        rows.append(one)
         if line is not None:
             line.show(len(rows), f"shift {len(rows)}: {one.fault or 'no fault'}")
         else:
             print(f"{one.outcome:<17}{one.fault or 'no fault':<27}{one.text}", flush=True)
     if line is not None:
         line.leave()
-    counts = Counter(row["outcome"] for row in rows[1:])
+    counts = Counter(one.outcome for one in rows[1:])
     if args.json:
-        print(json.dumps({"controller": args.spec, "counts": counts, "faults": rows}, indent=1))
+        print(json.dumps({"controller": args.spec, "counts": counts, "faults": [one._asdict() for one in rows]}, indent=1))
     else:
         print(f"{len(rows) - 1} faults: {', '.join(f'{outcome} {count}' for outcome, count in counts.most_common())}")
+    if args.html is not None:
+        from ..view import faults_page
+
+        atomic_write(args.html, faults_page(args.spec, config, rows))
     return 0
 
 

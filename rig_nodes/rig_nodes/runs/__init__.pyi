@@ -11,7 +11,7 @@ from .commanded_rig import check_level as check_level
 from .conformance import Check as Check
 from .cuts import topic_of as topic_of
 from .fmu.build import build_controller_fmu as build_controller_fmu, build_rig_fmu as build_rig_fmu
-from .fault_check import check_under_faults as check_under_faults
+from .fault_check import BADLY as BADLY, FAILED as FAILED, HARM as HARM, IN_TIME as IN_TIME, WELL as WELL, WORSE as WORSE, check_under_faults as check_under_faults
 from .folders import pairs as pairs, parse_parameters as parse_parameters, parse_settings as parse_settings, run_folder as run_folder, unless_empty as unless_empty
 from .moments import Present as Present
 from .outputs import Outputs as Outputs, SCALAR_SAMPLES as SCALAR_SAMPLES

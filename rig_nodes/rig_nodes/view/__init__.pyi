@@ -16,6 +16,7 @@ from .figure_of_run import figures_of_run as figures_of_run
 from .figure_of_shift import figure_of_shift as figure_of_shift, figures_of_shifts as figures_of_shifts
 from .live import Sender as Sender, Server as Server, live_topics as live_topics
 from .other_tools import write_layout as write_layout
+from .page_of_faults import faults_page as faults_page
 from .page_of_report import Facts as Facts, campaign_page as campaign_page, compare_page as compare_page, report_page as report_page
 from .pages import Pages as Pages
 from .pdf import browser as browser, pdf_of as pdf_of

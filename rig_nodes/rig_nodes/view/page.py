@@ -74,7 +74,7 @@ def lines(texts: Sequence[str]) -> list[Part]:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Cell]], css: str = "") -> list[Part]:
-    """Return a table, ``css`` "text" for one of words; nothing without rows."""
+    """Return a table, ``css`` "text" for one of words, "text cards" for long ones; nothing without rows."""
     found = [[(one, "") if isinstance(one, str) else one for one in row] for row in rows]
     return [Part("table", css=css, head=head, rows=found)] if found else []
 
