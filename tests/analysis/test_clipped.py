@@ -50,7 +50,7 @@ def test_a_peak_above_the_range_of_the_torque_meter_is_a_lower_bound():
     assert not row["valid"] and row["why"] == [
         "M_wej is at the end of its range, 200 Nm, for 0.073 s; its true values lie beyond, and nothing is concluded from it"
     ]
-    assert sentence_of(verdict) == "fair: M_wej rose to at least 2.6 times the torque that the load requires"
+    assert sentence_of(verdict) == "fair: M_wej rose to at least 2.6 times the 78 Nm that the load asks in gear II"
 
 
 def test_without_an_excess_that_is_certain_a_clipped_peak_is_not_called_good():

@@ -58,10 +58,7 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
     if engaging > max(releasing, asked, clear):
         against = f", {old} brakes with {abs(releasing):.0f} Nm" if opposed else ""
         late = f"release {old} earlier and " if opposed and abs(releasing) > TIED * engaging else ""
-        return (
-            f"{new} carries {engaging:.0f} Nm as it slips{against}, and the load requires {asked:.0f} Nm: "
-            f"{late}{_softer(moved.engaging, new)}"
-        )
+        return f"{new} carries {engaging:.0f} Nm as it slips{against}: {late}{_softer(moved.engaging, new)}"
     return ""
 
 
@@ -105,7 +102,9 @@ def _cause_of_low(row: Mapping, box: Transmission, carried: tuple[float, float],
         )  # no help once the old clutch is open
         return f"{new} carries {engaging:.0f} Nm and brakes the output: {later}{_softer(moved.engaging, new)}"
     if releasing < -clear:
-        return f"{old} carries {releasing:.0f} Nm and brakes the output: release {old} earlier"
+        # where the drive was interrupted before, an earlier release would make that worse
+        sooner = f"empty {old} faster" if cause_of_dip(row, box) else f"release {old} earlier"
+        return f"{old} carries {releasing:.0f} Nm and brakes the output: {sooner}"
     if row["t_c_s"] is not None and at > row["t_c_s"] + max(LOCKED, _error(row, "t_c_s", "t_low_s")):
         return _swing(row, at, moved.engaging, new)
     load = row["output_torque_nm"]
@@ -138,7 +137,8 @@ def _swing(row: Mapping, at: float, clutches: tuple[Clutch, ...], name: str) -> 
     after = at - row["t_c_s"]
     if after > SWING or row["t_p_s"] is None or row["t_p_s"] <= _error(row, "t_p_s"):
         return ""
+    drawn = row["t_p_s"] - (row.get("interrupted_s") or 0.0)
     return (
-        f"{1e3 * after:.0f} ms after lock-up, as inertia swings on: the speeds were drawn together in {1e3 * row['t_p_s']:.0f} ms; "
+        f"{1e3 * after:.0f} ms after lock-up, as inertia swings on: the speeds were drawn together in {1e3 * drawn:.0f} ms; "
         f"{_softer(clutches, name)}"
     )

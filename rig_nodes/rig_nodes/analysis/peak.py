@@ -108,5 +108,5 @@ def sentence_of_peak(row: Mapping) -> str:
     if not found:
         return ""
     parts = [f"{name} {found[f'{key}_nm']:.0f}" for key, name in PARTS.items() if abs(found[f"{key}_nm"]) >= 0.5]
-    error = f"(their sum misses it by {max(found['error_nm'], 1.0):.0f}\u00a0Nm)"
-    return f"its highest {row['input_torque_high_nm']:.0f} Nm are {', '.join(parts[:-1])} and {parts[-1]}\u00a0Nm {error}"
+    within = f"to within {max(found['error_nm'], 1.0):.0f}\u00a0Nm"
+    return f"its highest {row['input_torque_high_nm']:.0f} Nm are {', '.join(parts[:-1])} and {parts[-1]}\u00a0Nm, {within}"

@@ -63,9 +63,8 @@ def quality_of(row: Mapping, box: Transmission) -> dict | None:
         judged = not clipped
         slow = _slowest(row)
         if row["t_c_s"] > slow and not box.turns_round(row["from_gear"], row["to_gear"]):
-            grade = POOR if row["t_c_s"] > UNTUNED else FAIR
-            text = f"it took {row['t_c_s']:.3f} s from the order, over {UNTUNED if grade == POOR else slow:g} s"
-            reasons.append((grade, text + _because(cause_of_time(row, box, slow))))
+            text = f"it took {row['t_c_s']:.3f} s from the order, over {slow:g} s"
+            reasons.append((POOR if row["t_c_s"] > UNTUNED else FAIR, text + _because(cause_of_time(row, box, slow))))
     if row.get("in_gear") is not False:  # what no gear drove before, the shift does not interrupt; nor is its torque a load's
         reasons += [*_of_speed(row, box), *_of_torque(row, box)]
     worst = max((GRADES.index(grade) for grade, _ in reasons), default=0)
@@ -106,18 +105,25 @@ def _of_torque(row: Mapping, box: Transmission) -> list[tuple[str, str]]:
     name, ratio, bound, reasons = box.input.torque, peak_ratio(row, box), row.get("input_torque_at_least_nm"), []
     asked = asked_of_input(row, box)
     if ratio is not None and ratio > SHOCK:
-        text = f"{name} rose to {ratio:.1f} times the torque that the load requires"
+        text = f"{name} rose to {ratio:.1f} times {_load_of(row, box)}"
         reasons.append((FAIR, text + _because(cause(row, box, "high"))))
     elif bound is not None and asked is not None and bound / asked > SHOCK:
-        reasons.append((FAIR, f"{name} rose to at least {bound / asked:.1f} times the torque that the load requires"))
+        reasons.append((FAIR, f"{name} rose to at least {bound / asked:.1f} times {_load_of(row, box)}"))
     if (low := _hole(row, box)) is not None:
         how = (
             f", against the load for {1e3 * row['reversed_s']:.0f} ms"
             if row["reversed_s"]
-            else f", {100.0 * low:.0f} % of the torque that the load requires"
+            else f", {100.0 * low:.0f} % of {_load_of(row, box, least=True)}"
         )
         reasons.append((FAIR, f"{name} fell to {row['input_torque_low_nm']:.0f} Nm{how}{_because(cause(row, box, 'low'))}"))
     return reasons
+
+
+def _load_of(row: Mapping, box: Transmission, least: bool = False) -> str:
+    """Return in words what the load asks of the input in the gear that asks more, or less."""
+    gears = (gear for gear in (row["from_gear"], row["to_gear"]) if gear in box.ratios)
+    gear = (max if least else min)(gears, key=lambda gear: abs(box.ratios[gear]))
+    return f"the {asked_of_input(row, box, least):.0f} Nm that the load asks in gear {box.names[gear]}"
 
 
 def _because(why: str) -> str:

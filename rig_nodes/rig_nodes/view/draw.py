@@ -48,6 +48,7 @@ AXIS = 48  # height of the time axis below the plots
 STRIP, LANE = 28, 14  # height of the strip of phases, and of each phase where two overlap
 LINE = 19  # height of a line of text
 LETTER = 0.565 * DPI / 72.0  # width of an average letter by the size of its font
+SIGN, HEAD = 8, 12  # width of a sign of an axis' numbers, and where the words of a narrow figure begin [px]
 DASHES = {SOLID: "-", DASHED: (0, (4, 2)), DOTTED: (0, (1, 1.6)), POINTS: "none"}
 WIDTHS = {SOLID: 1.7, DASHED: 1.2, DOTTED: 1.3, POINTS: 0.0}
 BEYOND = 1.35  # of the other curves' range, up to which a curve that does not scale the axis is shown
@@ -129,7 +130,9 @@ class _Drawing:
     def __init__(self, description: Description, palette: dict[str, str], width: int) -> None:
         self.of, self.palette, self.width = description, palette, width
         self.stacked = width < STACKED
-        self.left, self.right = (62, 8) if self.stacked else (78, 18)
+        self.left, self.right, signs = (62, 8, 4) if self.stacked else (78, 18, 5)
+        ends = [end for one in description.panels if not one.log for end in _range_of(one)]
+        self.left += SIGN * max(0, max((len(f"{end:.0f}") for end in ends), default=0) - signs)  # longer numbers take more room
         self.texts: list[tuple[float, float, str, float, dict]] = []  # of the head, as its height decides that of the figure
         head = self._head()
         strip = (32 if description.moments else 8) + (STRIP + 6 if any(one.texts for one in description.stretches) else 8)
@@ -180,7 +183,7 @@ class _Drawing:
 
     def _head(self) -> int:
         """Lay out the words above the plots and return their height."""
-        of, left, y = self.of, self.left if not self.stacked else 12, 30
+        of, left, y = self.of, self.left if not self.stacked else HEAD, 30
         for line in self._wrapped(of.title, 15 if not self.stacked else 12):
             self.texts.append((left, y + 4, line, 15 if not self.stacked else 12, {"weight": "bold"}))
             y += 25
@@ -288,7 +291,9 @@ class _Drawing:
         if first:
             axes.set_ylabel(panel.unit if self.titled else _name(panel), fontsize=9, color=colours[INK])
             if self.titled:
-                axes.set_title(panel.title, fontsize=9, color=colours[INK], loc="left", pad=4)
+                over = LETTER * 9 * len(panel.title) - axes.bbox.width  # a long title begins further left
+                begin = -min(max(0.0, over), self.left - HEAD) / (axes.bbox.width or 1.0)
+                axes.set_title(panel.title, fontsize=9, color=colours[INK], loc="left", x=begin, pad=4)
             axes.yaxis.set_label_coords(((14 if self.stacked else 20) - self.left) / (axes.bbox.width or 1.0), 0.5)
         if last:
             axes.set_xlabel(column.title, fontsize=9, color=colours[INK])

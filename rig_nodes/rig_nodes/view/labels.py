@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-ROOM = 3  # pixels between two labels, and between a label and the frame
+ROOM, BESIDE = 3, 12  # pixels between two labels, above each other and side by side, where they would read as one
 NEAR = 1  # pixels between a label and a curve
 EXTREME = 4  # pixels around the extreme of a curve
 CURVE = 1024  # cost of a pixel of a curve, a level or an area under a label, by that of a pixel from the best place
@@ -124,7 +124,7 @@ class Labels:
     def take(self, x: float, y: float, width: float, height: float) -> None:
         """Put a label at a place."""
         self.taken.append((x, y, x + width, y + height))
-        self.keep_free(x - ROOM, y - ROOM, x + width + ROOM, y + height + ROOM)
+        self.keep_free(x - BESIDE, y - ROOM, x + width + BESIDE, y + height + ROOM)
 
 
 def along(

@@ -216,7 +216,8 @@ def _shifts(report: Mapping, box: Transmission) -> list[Part]:
         if not _bad(one) and (sentence := sentence_of(one))
     ]
     if rows:
-        notes.append("Beside each value: its largest measuring error, where it is known, and the verdict on a limit.")
+        limits = ", and the verdict on a limit" if judged else ""
+        notes.append(f"Beside each value: its largest measuring error, where it is known{limits}.")
     return [*parts, *words(notes, "note")]
 
 
