@@ -145,8 +145,8 @@ def _energy_lines(report: dict, box: Transmission) -> list[str]:
         share = "no clutch heat" if share is None else f"{100.0 * share:+z.2f} % of it"
         name += "" if row["valid"] else " (not valid)"
         lines.append(f"energy of {name}: clutch heat {heat:z.0f} J, unaccounted {account['residual_j']:+z.2f} J ({share})")
-    if lines and _bounded(report["run"]):
-        lines.append("  output_speed is bounded: the speed is set between the gears' and not by a torque, which is not accounted")
+    if lines and (note := not_accounted(report["run"])):
+        lines.append(f"  {note}")
     return lines
 
 
@@ -165,9 +165,11 @@ def _basis_lines(report: dict) -> list[str]:
     ]
 
 
-def _bounded(run: dict) -> bool:
+def not_accounted(run: Mapping) -> str:
+    """Return what of a run's energy is not accounted, in words; empty where all of it is."""
     prescribed = (run.get("configuration") or {}).get("prescribed") or {}
-    return prescribed.get("output_speed") == "bounded"
+    bounded = prescribed.get("output_speed") == "bounded"
+    return "output_speed is bounded: the speed is set between the gears' and not by a torque, which is not accounted" * bounded
 
 
 def _numbers(value: object) -> dict[str, float]:

@@ -31,6 +31,7 @@ from ..analysis import (
     measured_lines,
     metric_tables,
     named_metrics,
+    not_accounted,
     number,
     range_text,
     reasons,
@@ -272,7 +273,7 @@ def _energy(report: Mapping, box: Transmission | None) -> list[Part]:
     for first in range(0, len(accounts), ABREAST):
         part = accounts[first : first + ABREAST]
         parts += table(["energy [J]", *(name for name, _ in part)], energy_rows([one for _, one in part], box))
-    return parts
+    return [*parts, *words([f"{note}." for note in [not_accounted(report["run"])] if note], "note")]
 
 
 def _settings(facts: Facts) -> list[Part]:
