@@ -85,13 +85,14 @@ T_MORE = (
     "  T_more: {type: temperature, logged: no, shows: oil_supply.oil_temperature, at: oil_supply, range: [0 degC, 120 degC], "
     "text: A second thermometer.}\n"
 )
+N_BOTH = "  n_both: {type: speed, shows: wk.speed, at: motor, range: [-300 rad/s, 300 rad/s], text: Speed of wk either way.}\n"
 
 
 def test_a_variant_adds_transducers_behind_the_logger_columns_of_its_base(variant):
-    config, base = load_rig(variant(f"transducers:\n{T_MORE}{P_MORE}{M_MORE}")), load_rig("hydmag")
+    config, base = load_rig(variant(f"transducers:\n{T_MORE}{P_MORE}{M_MORE}{N_BOTH}")), load_rig("hydmag")
     columns, those_of_base = ([one.name for one in rig.catalogue.logger_channels()] for rig in (config, base))
-    assert columns == [*those_of_base, "p_more", "M_more"] == list(Rig(config).channels[: len(columns)])
-    rig = turned_on(Rig(load_rig(variant(f"transducers:\n{P_MORE}{M_MORE}{T_MORE}"), {"effects.transducers": "off"})))
+    assert columns == [*those_of_base, "p_more", "M_more", "n_both"] == list(Rig(config).channels[: len(columns)])
+    rig = turned_on(Rig(load_rig(variant(f"transducers:\n{P_MORE}{M_MORE}{T_MORE}{N_BOTH}"), {"effects.transducers": "off"})))
     for more, like in (("p_more", "p1"), ("M_more", "M_wej"), ("T_more", "T_oil")):
         assert rig.measurement(more) == rig.measurement(like) != 0.0
 
@@ -107,8 +108,8 @@ def turned_on(rig):
 
 def test_a_range_below_zero_makes_a_transducer_measure_both_signs(variant):
     """Otherwise a reading would end at the error below 0."""
-    added = "  n_both: {type: speed, shows: wk.speed, at: motor, range: [-300 rad/s, 300 rad/s], text: Speed of wk either way.}\n"
-    rig = Rig(load_rig(variant(f"transducers:\n{added}")))
+    # with the others, so that its plant is compiled already
+    rig = Rig(load_rig(variant(f"transducers:\n{T_MORE}{P_MORE}{M_MORE}{N_BOTH}")))
     low, high = (float(rig.gauges.table[row, rig.channels.index("n_both")]) for row in (LOW, HIGH))
     assert low == -high == -rig.config.instruments.speed_range
     assert rig.gauges.table[LOW, rig.channels.index("n_wyj")] == 0.0

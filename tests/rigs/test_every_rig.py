@@ -131,7 +131,7 @@ def test_a_sweep_changes_its_result(rig, sequence, tmp_path):
     else:
         its_sequence, varied, calculation = SWEPT[rig]
         words = [its_sequence, "--vary", varied, "--calculate", calculation]
-    assert main(["sweep", *words, "--rig", rig, "--jobs", "2", "--out", str(tmp_path / "s")]) == 0
+    assert main(["sweep", *words, "--rig", rig, "--jobs", "1", "--out", str(tmp_path / "s")]) == 0
     table = pyarrow.parquet.read_table(tmp_path / "s" / "results.parquet").to_pydict()
     assert set(table["end"]) == {"ended"} and set(table["member"]) == {0, 1}
     rows = list(zip(table["member"], *(table[name] for name in results_of(table)), strict=True))

@@ -45,8 +45,9 @@ FIRST = {"graph": 2, "controllers": 5, "fmu": 1}
 # The others only compute. They take what the first parts and the tests against the clock leave of the processor, at the
 # lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should not run last, and those whose
 # processes have time limits too should not run first. Short folders form one part with others, because to start a part
-# costs two seconds.
-BESIDE = ("runs", "plant", "the rest", "view", "rigs", "api", "rig", "engine", "bags", "tune", "analysis", "validation")
+# costs three seconds.
+BESIDE = ("runs", "plant", "the rest", "view", "rigs", "api", "rig", "engine", "bags", "tune", "analysis")
+WITH = {"validation": "tune"}  # folder -> the part of another one to which it belongs
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
 # What `rig test --quick` runs: no ROS, and no more compiling than HydmAG needs.
 QUICK = (
@@ -234,7 +235,8 @@ def parts_of(root: Path) -> tuple[dict[str, list[str]], dict[str, list[str]], li
     clock = [file for file in reversed(files) if f"mark.{AGAINST_THE_CLOCK}" in (root / file).read_text(encoding="utf-8")]
     folders: dict[str, list[str]] = {}
     for file in files:
-        folders.setdefault(file.split("/")[1], []).append(file)
+        folder = file.split("/")[1]
+        folders.setdefault(WITH.get(folder, folder), []).append(file)
     first = {
         f"{name}-{k + 1}" if count > 1 else name: folders[name][k::count]
         for name, count in FIRST.items()
