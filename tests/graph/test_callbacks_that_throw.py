@@ -21,8 +21,6 @@ from running_graph import Client, Graph
 from rig_nodes.nodes.processes import supervisor
 from rig_nodes.nodes.processes.child import Child
 
-pytestmark = pytest.mark.against_the_clock
-
 HELPER = "broken_callback"
 FEW = (
     ("container", "create_service rig ~/e_stop"),
@@ -30,7 +28,7 @@ FEW = (
     ("alfa46", "create_subscription alfa46 /rig/state"),
     ("alfa46", "goal_callback alfa46 /controller/shift"),
 )
-WITHIN = 10.0  # s of wall clock on a busy machine
+WITHIN = 60.0  # s of wall clock on a busy machine
 
 
 class BrokenGraph(Graph):
@@ -132,6 +130,7 @@ def test_a_callback_that_throws_is_the_safe_state_by_name(process, label, tmp_pa
     assert all(map(gone, pids))
 
 
+@pytest.mark.against_the_clock
 @pytest.mark.campaign
 @pytest.mark.parametrize("process", ["container", "alfa46", "sequencer", "recorder"])
 def test_each_callback_of_a_process_that_throws_is_the_safe_state(process, tmp_path, monkeypatch):

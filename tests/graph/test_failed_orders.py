@@ -5,11 +5,7 @@
 
 import re
 
-import pytest
-from rig_msgs.action import RunSequence
-from rig_msgs.msg import RigState, Setpoint
-from running_graph import Client, Graph, rig_run
-from std_srvs.srv import Trigger
+from running_graph import rig_run
 
 from rig_nodes.cli.main import main
 
@@ -33,28 +29,3 @@ def test_a_step_that_fails_is_a_line_of_run_and_of_simulate_before_the_end(tmp_p
     assert any("the rig is tripped" in line for line in lines[at:]) and "step 2 of 3: wait" in lines[at - 1]
     assert main(["simulate", str(sequence), "--out", str(tmp_path / "simulated")]) == 1
     assert re.search(rf"^ +0\.\d\d s  failed: .*{why}", capsys.readouterr().out, re.M)
-
-
-@pytest.mark.against_the_clock
-def test_what_is_refused_on_a_rig_by_hand_is_a_line_too(tmp_path):
-    graph = Graph(tmp_path / "hand")
-    user = Client(graph.domain)
-    try:
-        states = user.listen("/rig/state")
-        user.until(lambda: states and states[-1].state == RigState.READY, "a rig that is ready")
-        user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name="no_such_sequence")).result()
-        sequence = tmp_path / "not_so.yaml"
-        sequence.write_text(NOT_SO)
-        user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(sequence))).result()
-        assert user.call(Trigger, "/rig/e_stop").success
-        publisher = user.publisher("/motor/command")
-        for _ in range(50):
-            publisher.publish(Setpoint(value=30.0, enable=True))
-        refused = "/motor/command: refused: the rig is in its safe state (emergency stop); call /rig/reset first"
-        user.until(lambda: refused in graph.reports, "a line on the refused order")
-    finally:
-        user.close()
-        graph.close()
-    text = "\n".join(graph.reports)
-    assert "sequence 'no_such_sequence' was ordered: " in text and "step 2 of 3 failed: " in text
-    assert graph.reports.count(refused) == 1

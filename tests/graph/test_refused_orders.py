@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The orders in a bag: each was accepted by the rig, or the bag has its refusal as an event with the reason."""
+"""The orders in a bag: each was accepted by the rig, or the bag has its refusal as an event with the reason, and people a line."""
 
 import math
 
@@ -9,10 +9,12 @@ import pytest
 from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import Log
 from rclpy.qos import QoSProfile
+from rig_msgs.action import RunSequence
 from rig_msgs.msg import Event, RigState, Setpoint, ValveCommand
 from running_graph import Client, Graph
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
+from test_failed_orders import NOT_SO
 
 from rig_nodes.bags.reader import Bag
 from rig_nodes.nodes.processes.result import facts_of, lost_messages, run_part, what_was_lost
@@ -53,13 +55,24 @@ def test_one_valve_command_without_a_deadline_is_heard_and_refused_with_the_reas
     assert "2 nodes send it, and the first answer to a sample counts" in text
 
 
-def test_orders_in_the_safe_state_are_refused_with_its_reason(user):
+def test_a_sequence_that_fails_is_a_line_for_people(graph, user, tmp_path):
+    user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name="no_such_sequence")).result()
+    sequence = tmp_path / "not_so.yaml"
+    sequence.write_text(NOT_SO)
+    user.order(RunSequence, "/sequencer/run", RunSequence.Goal(name=str(sequence))).result()
+    for line in ("sequence 'no_such_sequence' was ordered: ", "step 2 of 3 failed: "):
+        user.until(lambda line=line: any(line in text for text in graph.reports), f"a line with '{line}'")
+
+
+def test_orders_in_the_safe_state_are_refused_with_its_reason(graph, user):
     assert user.call(Trigger, "/rig/e_stop").success
     user.until(lambda: user.states[-1].state == RigState.TRIPPED, "the safe state")
-    user.publisher("/motor/command").publish(Setpoint(value=300.0 * RPM, enable=True))
-    assert refused(user, "/motor/command") == (
-        "/motor/command: refused: the rig is in its safe state (emergency stop); call /rig/reset first"
-    )
+    why = "/motor/command: refused: the rig is in its safe state (emergency stop); call /rig/reset first"
+    publisher = user.publisher("/motor/command")
+    for _ in range(50):
+        publisher.publish(Setpoint(value=300.0 * RPM, enable=True))
+    assert refused(user, "/motor/command") == why
+    user.until(lambda: why in graph.reports, "a line for people")
     publisher = user.publisher("/controller/command", PLAIN)
 
     def asks():
@@ -70,6 +83,7 @@ def test_orders_in_the_safe_state_are_refused_with_its_reason(user):
     user.node.destroy_publisher(publisher)
     assert user.call(Trigger, "/rig/reset").success
     user.until(lambda: user.states[-1].state == RigState.READY, "a rig that is ready")
+    assert graph.reports.count(why) == 1, "one line for them all"
 
 
 def test_what_cannot_be_stored_is_named_and_the_recording_goes_on(user):

@@ -14,7 +14,7 @@ from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.main import main
 from rig_nodes.controllers.ros.domain import allocate
 
-pytestmark = pytest.mark.against_the_clock
+REAL_TIME = pytest.mark.against_the_clock
 
 STARTED = "starting the nodes"
 CONNECTED = "all nodes are connected"
@@ -26,6 +26,7 @@ def report_of(run) -> dict:
     return json.loads((run.folder / "report.json").read_text())
 
 
+@REAL_TIME
 def test_a_run_ends_well(tmp_path):
     run = RigRun(tmp_path / "run")
     code, output = run.end()
@@ -48,6 +49,7 @@ def test_a_run_ends_well(tmp_path):
     assert recorder["publishers_at_end"] == 0, "it has seen all of them leave and waited for none"
 
 
+@REAL_TIME
 def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until(SHIFTING)
@@ -69,6 +71,7 @@ def test_a_killed_controller_brings_the_safe_state_within_100_ms(tmp_path):
     traces.wait_gone()
 
 
+@REAL_TIME
 @pytest.mark.parametrize(
     "name",
     [
@@ -89,7 +92,7 @@ def test_another_killed_process_ends_the_run_with_its_name(tmp_path, name):
     traces.wait_gone()
 
 
-@pytest.mark.parametrize("moment", [STARTED, SHIFTING])
+@pytest.mark.parametrize("moment", [STARTED, pytest.param(SHIFTING, marks=REAL_TIME)])
 def test_ctrl_c_at_any_time_leaves_a_readable_bag_and_no_process(tmp_path, moment):
     """The run uses a ROS domain that the user chooses. SIGTERM is tested at a moment between these two."""
     with allocate() as domain:
@@ -110,6 +113,7 @@ def test_ctrl_c_at_any_time_leaves_a_readable_bag_and_no_process(tmp_path, momen
     traces.wait_gone()
 
 
+@REAL_TIME
 def test_sigterm_ends_in_order_too(tmp_path):
     run = RigRun(tmp_path / "run")
     run.until(CONNECTED)
@@ -119,18 +123,6 @@ def test_sigterm_ends_in_order_too(tmp_path):
     assert code == 143 and Bag(run.folder).check() == []
     assert output.splitlines()[-1] == "rig: ended by SIGTERM" and "Traceback" not in output
     traces.wait_gone()
-
-
-def test_a_killed_supervisor_leaves_no_process_and_a_whole_bag(tmp_path):
-    run = RigRun(tmp_path / "run")
-    run.until(IN_GEAR)
-    traces = Traces(run)
-    assert set(traces.children) == {"container", "alfa46", "sequencer", "recorder"}
-    assert traces.shared_memory() == [], "killed processes would leave segments behind"
-    run.process.kill()
-    run.end()
-    traces.wait_gone()
-    assert Bag(run.folder).check() == []
 
 
 @pytest.mark.parametrize(

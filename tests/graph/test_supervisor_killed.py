@@ -19,17 +19,21 @@ WHY = "the process of rig run, which watches the run, has ended"
 @pytest.mark.parametrize(
     "speed", [("--speed", "2"), pytest.param((), marks=pytest.mark.against_the_clock)], ids=["lockstep", "real time"]
 )
-def test_the_last_state_of_the_rig_and_the_report_name_the_supervisor(tmp_path, speed, capsys):
+def test_no_process_is_left_and_the_last_state_and_the_report_name_the_supervisor(tmp_path, speed, capfd):
     run = RigRun(tmp_path / "run", *speed)
     run.until("shift to II")
     traces = Traces(run)
+    assert set(traces.children) == {"container", "alfa46", "sequencer", "recorder"}
+    assert traces.shared_memory() == [], "killed processes would leave segments behind"
     os.kill(run.process.pid, signal.SIGKILL)
     traces.wait_gone()
     run.end()
-    bag = Bag(run.folder, recover=True)
+    bag = Bag(run.folder)
+    assert bag.check() == []
     *_, (_, last) = bag.messages("/rig/state")
     assert (last.state, last.reason) == (RigState.TRIPPED, WHY)
     assert [text for *_, name, text, _ in bag.events() if name == "rig_tripped"] == [WHY]
-    main(["report", str(run.folder)])
-    out, err = capsys.readouterr()
+    assert main(["bag", "check", str(run.folder)]) == main(["report", str(run.folder)]) == 3
+    out, err = capfd.readouterr()
     assert WHY in out + err and "the sequence ended" not in out and "shift controller's process" not in out + err
+    assert err.count("the run was cut off at") == 2 and "end: the run was cut off at" in out and "whole" not in out

@@ -26,7 +26,7 @@ from rig_nodes.view.pages import Pages
 CATALOGUE = load_rig("hydmag").catalogue
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
-SHORT = Path(__file__).parents[1] / "graph" / "short.yaml"
+BRIEF = Path(__file__).parents[1] / "graph" / "brief.yaml"
 PATIENCE = 60.0
 PAGES = Pages(load_rig("hydmag").as_dict())
 
@@ -159,7 +159,8 @@ def test_without_a_viewer_the_server_keeps_the_newest_and_stays_small(server, me
 
 
 @pytest.mark.against_the_clock
-def test_a_server_that_stands_still_costs_messages_but_no_time_and_no_memory(server, messages, monkeypatch):
+def test_a_server_that_stands_still_costs_messages_but_no_time_and_no_memory(server, monkeypatch):
+    messages = Bag(SAMPLE).timeline([topic.name for topic in live_topics(PAGES)])
     monkeypatch.setattr(live, "WAITING", 3000)
     one = server(None)
     sender = Sender(one.url, "test", PAGES)
@@ -300,7 +301,7 @@ def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_co
 
 @pytest.mark.against_the_clock
 def test_a_run_neither_waits_for_its_live_view_nor_ends_with_it(tmp_path):
-    command = [sys.executable, "-P", "-m", "rig_nodes", "run", str(SHORT), "--view", "--out", str(tmp_path / "run")]
+    command = [sys.executable, "-P", "-m", "rig_nodes", "run", str(BRIEF), "--view", "--out", str(tmp_path / "run")]
     env = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     run = subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     lines = []
