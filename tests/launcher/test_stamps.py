@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 
 import pytest
 
@@ -180,3 +181,17 @@ def test_killed_start_keeps_the_lock_until_its_tool_has_ended(launcher, small_ch
         fifo.write("end\n")
     fcntl.flock(folder, fcntl.LOCK_EX)
     os.close(folder)
+
+
+@pytest.mark.parametrize("prefix", ["/opt/python/cp311-cp311", "/home/other/checkout/.venv"], ids=["wheel", "another checkout's"])
+def test_the_files_that_an_environment_shares_with_a_cache_stay_as_they_are(launcher, tmp_path, prefix):
+    cached, venv = tmp_path / "cached.cmake", tmp_path / ".venv"
+    text = f'X "{prefix}/include/python3.11;{prefix}/lib/python3.11/site-packages/numpy/_core/include;${{HERE}}/include/std_msgs"\n'
+    cached.write_text(text)
+    shared = venv / "share" / "std_msgs" / "cmake" / "export_std_msgs__rosidl_generator_pyExport.cmake"
+    shared.parent.mkdir(parents=True)
+    os.link(cached, shared)
+    launcher.correct_exports(str(venv), "/here/site-packages")
+    include = sysconfig.get_path("include")
+    assert shared.read_text() == f'X "{include};/here/site-packages/numpy/_core/include;${{HERE}}/include/std_msgs"\n'
+    assert cached.read_text() == text and [one.name for one in shared.parent.iterdir()] == [shared.name]
