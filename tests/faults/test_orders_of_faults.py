@@ -89,6 +89,7 @@ def test_a_session_refuses_an_order_while_faults_are_disabled():
         ("p1.stuck, onset=growing", "has no size, so it cannot grow"),
         ("p1.offset, size=3", "size is 3, expected -1 to 1"),
         ("p1.offset, size=3 MPa", "expected a ratio"),
+        ("valve_zr_p1.coil_open, size=2e9 ohm", "expected 0 to 1 000 000 000 ohm"),
         ("p1.offset, onset=sudden", "onset is 'sudden', expected abrupt, growing, intermittent"),
         ("p1.offset, over=1 s", "over go with onset=growing"),
         ("p1.offset, off=true, at=1 s", "off takes true, and no other key"),
@@ -107,6 +108,14 @@ def test_what_does_not_fit_is_refused_in_a_sentence(order, sentence):
     with pytest.raises(RigError) as refused:
         read_fault(load_rig("hydmag", ON), order, "--fault")
     assert sentence in str(refused.value)
+
+
+def test_a_large_size_is_told_without_an_exponent(capsys):
+    config = load_rig("hydmag", ON)
+    assert "contact 1 000 000 ohm" in read_fault(config, "valve_zr_p1.coil_open", "--fault").sentence()
+    assert main(["list", "faults", "--json", "-"]) == 0
+    row = next(row for row in json.loads(capsys.readouterr().out) if row["name"] == "valve_zr_p1.coil_open")
+    assert (row["usual"], row["range"]) == ("1000000", "0 to 1000000000"), "for a program it is a number"
 
 
 def test_what_the_rig_as_it_is_cannot_have_is_refused():

@@ -20,6 +20,6 @@ from .progress import ProgressLine as ProgressLine, STARTING as STARTING, waitin
 from .schema import SWITCH as SWITCH, WORDS as WORDS, build as build, check_keys as check_keys, choice as choice, entry as entry, fill as fill, param as param, record_dtype as record_dtype, switch as switch, value_of as value_of
 from .typed_arguments import number_within as number_within, seconds_of_bag as seconds_of_bag
 from .uninterrupted import Uninterrupted as Uninterrupted
-from .units import NOT_WRITTEN as NOT_WRITTEN, SI as SI, UNITS as UNITS, dimension_of as dimension_of, dimension_of_text as dimension_of_text, quantity as quantity, shown_in as shown_in, span as span, with_article as with_article
+from .units import NOT_WRITTEN as NOT_WRITTEN, SI as SI, UNITS as UNITS, dimension_of as dimension_of, dimension_of_text as dimension_of_text, number_text as number_text, quantity as quantity, shown_in as shown_in, span as span, with_article as with_article
 from .versions import version_of as version_of
 from .yaml_file import List as List, Map as Map, file_of as file_of, merged as merged, read_yaml as read_yaml, stamped as stamped, where_of as where_of

@@ -179,10 +179,18 @@ def quantity(text: object, dimension: str, where: str) -> float:
     return number * UNITS[unit][1]
 
 
+def number_text(value: float, digits: int = 4, apart: str = "") -> str:
+    """Return a number with so many digits that count; a large one has no exponent, and ``apart`` between its thousands."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):,.0f}".replace(",", apart) if "e+" in text else text
+
+
 def span(low: float, high: float, text: object) -> str:
     """Return a range [SI] as text in the unit in which a value was written, e.g. ``0 to 3000 rpm`` for ``"-5 rpm"``."""
     match = _QUANTITY.fullmatch(text.strip()) if isinstance(text, str) else None
     unit = match[2] if match and match[2] in UNITS else "-"
     factor = UNITS[unit][1]
-    low_text, high_text = (f"{end:.0f}" if 1e3 <= abs(end) < 1e6 else f"{end:.4g}" for end in (low / factor, high / factor))
+    low_text, high_text = (
+        f"{end:.0f}" if 1e3 <= abs(end) < 1e6 else number_text(end, apart=" ") for end in (low / factor, high / factor)
+    )
     return f"{low_text} to {high_text}{'' if unit == '-' else f' {unit}'}"

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..base import ProgressLine, RigError
+from ..base import ProgressLine, RigError, number_text
 from .shared_arguments import add_json, add_rig
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def page() -> str:
         if size is None:
             return "-"
         unit, factor = shown_unit(size.quantity)
-        low, high, usual = (f"{value / factor:.4g}" for value in (size.low, size.high, size.usual))
+        low, high, usual = (number_text(value / factor, apart=" ") for value in (size.low, size.high, size.usual))
         return f"{size.text}: {usual} {unit} ({low} to {high})"
 
     rows = ["| fault | what | size: usual one (range) | onset | one sees | FMI |", "| --- | --- | --- | --- | --- | --- |"]

@@ -12,7 +12,7 @@ import json
 import os
 from typing import TYPE_CHECKING
 
-from ..base import DEFAULT_RIG, RIG_FILE, RigError, find_config, installed, rig_folders, with_bases
+from ..base import DEFAULT_RIG, RIG_FILE, RigError, find_config, installed, number_text, rig_folders, with_bases
 from ..plant import VALUES
 from .output_files import STDOUT
 
@@ -194,7 +194,7 @@ def _rows_of(topics: Mapping[str, Topic]) -> list[dict[str, str]]:
 
 
 def _number(value: float) -> str:
-    return f"{value:.6g}"
+    return number_text(value, 6)
 
 
 def _signals(rig: str | None) -> list[dict[str, str]]:

@@ -12,7 +12,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ..base import SAMPLE, UNITS, RigError, brief, check_keys, find_of_rigs, load_yaml, quantity, shown_in, span, unknown, where_of
+from ..base import (
+    SAMPLE,
+    UNITS,
+    RigError,
+    brief,
+    check_keys,
+    find_of_rigs,
+    load_yaml,
+    number_text,
+    quantity,
+    shown_in,
+    span,
+    unknown,
+    where_of,
+)
 from ..plant import GROWING, INTERMITTENT, LINES, ONSETS, TRANSDUCER, Fault, faults, uniform
 from .alfa46 import OUTPUT_KEYS
 from .quantities import DIMENSIONS
@@ -120,7 +134,7 @@ class FaultOrder:
         if size is None:
             return ""
         unit, factor = shown_unit(size.quantity)
-        return f"{self.size / factor:.4g} {unit}"
+        return f"{number_text(self.size / factor, apart=' ')} {unit}"
 
     def sentence(self) -> str:
         """Return the text of its event: name, parameter with size and unit, onset."""
@@ -176,7 +190,7 @@ def _owners(config: RigConfig, fault: Fault) -> list[tuple[str, tuple[Any, ...],
     return [
         (
             device.name,
-            (config.values(device.name), *([config.values(device.wires["plates"])] if "plates" in device.wires else [])),
+            tuple(map(config.values, (device.name, *(device.wires[to] for to in ("plates", "press") if to in device.wires)))),
             "it stands outside the plant" if device.name in config.cut_out else prescribed,
         )
         for device in structure.devices
@@ -361,7 +375,7 @@ def random_fault(config: RigConfig, seed: int, number: int, others: list[str]) -
     if size is None:
         return text
     unit, factor = shown_unit(size.quantity)
-    return f"{text}, size={min(max(size.usual * (0.5 + how), size.low), size.high) / factor:.4g} {unit}"
+    return f"{text}, size={number_text(min(max(size.usual * (0.5 + how), size.low), size.high) / factor)} {unit}"
 
 
 def fault_set(path: Path) -> list[str]:

@@ -24,7 +24,7 @@ STATIC_LOST, KINETIC_LOST, SPEED_LOST = 0.5, 0.3, 0.4
 
 def glazed(clutch: Target, size: float) -> None:
     """Give the linings the friction that they have after a share of their life."""
-    cylinder, plates = clutch.configs
+    cylinder, plates, *_ = clutch.configs
     kinetic = plates.friction_kinetic * (1.0 - KINETIC_LOST * size)
     older = replace(
         plates,

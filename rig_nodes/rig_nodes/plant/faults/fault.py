@@ -26,6 +26,7 @@ ABRUPT, GROWING, INTERMITTENT = ONSETS = ("abrupt", "growing", "intermittent")
 FIRST_SPN = 522_240
 ABOVE, BELOW, ERRATIC, LOST, OPEN, SHORT, STUCK, RATE, UPDATE, UNKNOWN, BAD, UNCALIBRATED = 15, 17, 2, 4, 5, 6, 7, 8, 9, 11, 12, 13
 NETWORK, DRIFTED = 19, 20  # received network data in error, data drifted high
+NEVER = 1e12  # times a time constant: of what is stuck
 
 
 class Target(Protocol):
@@ -36,7 +37,7 @@ class Target(Protocol):
     Attributes
     ----------
     configs : tuple of object
-        The device's configuration, with that of its plates where it has some.
+        The device's configuration, with those of its plates and of the cylinder that presses it where it has some.
     span : float
         Full scale of a transducer [SI].
     """

@@ -8,14 +8,13 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from .fault import ABOVE, BELOW, FIRST_SPN, OPEN, SHORT, STUCK, UNKNOWN, Fault, Size
+from .fault import ABOVE, BELOW, FIRST_SPN, NEVER, OPEN, SHORT, STUCK, UNKNOWN, Fault, Size
 
 if TYPE_CHECKING:
     from .fault import Target
 
 VALVE, SPOOL, COIL = "proportional_valve", FIRST_SPN, FIRST_SPN + 32
 COPPER = 3.93e-3  # 1/K: rise of copper's resistance (IEC 60028)
-NEVER = 1e12  # times the spool's time constant
 
 
 def stuck(valve: Target, _size: float) -> None:

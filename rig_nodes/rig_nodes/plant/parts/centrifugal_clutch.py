@@ -90,24 +90,24 @@ def before(world: Record, k: int, h: float, t: float) -> None:
 
 @njit(**INLINED)
 def after(world: Record, k: int, h: float) -> None:
-    """Record torque and heat at the step's end, for transducers."""
+    """Record torque, heat and the force of a shoe at the step's end."""
     me, my, el = world.parts.centrifugal_clutch[k], world.values.centrifugal_clutch[k], world.driveline.el
     me.torque, me.heat = el[LAM, my.element], el[E_FRIC, my.element]
+    arm = my.friction * my.drum_radius * my.shoes
+    me.force = me.kinetic / arm if arm > 0.0 else 0.0
 
 
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its ClutchState; it has no drag, no pressure and no piston."""
-    me, config = rig.device(name), getattr(rig.config, name)
-    arm = config.friction * config.drum_radius * config.shoes
-    kinetic = me["kinetic"]
+    me = rig.device(name)
     return (
         rig.clutch_mode(name),
         rig.friction_torque(name),
         0.0,
-        kinetic,
+        me["kinetic"],
         me["static"],
         rig.slip(name),
-        kinetic / arm if arm > 0.0 else 0.0,
+        me["force"],
         0.0,
         0.0,
         rig.energies[rig.heat_of(name)],
@@ -115,12 +115,12 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 
 
 # kinetic, static: torque of the clutch while it slips, and at which it breaks away; torque, heat: those of its element of the
-# driveline; factor, engaged: the numbers of eq. (5)
+# driveline; force: of one shoe; factor, engaged: the numbers of eq. (5)
 PART = Part(
     "centrifugal_clutch",
     20,
     (CentrifugalConfig,),
-    state=("kinetic", "static", "torque", "heat"),
+    state=("kinetic", "static", "torque", "heat", "force"),
     derived=("factor", "engaged"),
     wires=("element", "body"),
     stages={"fill": fill, "before": before, "after": after},

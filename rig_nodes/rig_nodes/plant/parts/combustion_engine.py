@@ -16,14 +16,14 @@ from math import cos, exp
 from typing import TYPE_CHECKING
 
 from ...base import INLINED, njit, param
-from .cycles import TURN, normal_of
+from .cycles import TURN, normal_of, uniform_of
 from .part import SOURCE, Command, Part, Shown, Wire, not_in_order, not_whole
 
 if TYPE_CHECKING:
     from ...base import Record
     from .shown_rig import ShownRig
 
-SCATTER = 0  # channel of plant.parts.cycles for the irregularity
+SCATTER, MISFIRES = 0, 2  # channels of plant.parts.cycles for the irregularity and for firings that fail; 1 is that of a saw chain
 STANDS = 2.0  # rad/s up to which the drag rises from 0 to its full size, so that it cannot drive an engine at rest
 AT_REST = 1e-9  # rad/s below which no drag acts: an endless decay would reach denormal numbers, which are slow
 OFF, STARTING, FIRING, STALLED = 0.0, 1.0, 2.0, 3.0  # states of "runs"
@@ -233,7 +233,8 @@ def after(world: Record, k: int, h: float) -> None:
         me.phase -= way * TURN
         me.cycle += way
         me.uneven = cycle_irregularity(me.cycle, my)
-        me.cut = 1.0 if speed > my.cut_speed else 0.0
+        fails = my.misfires > 0.0 and uniform_of(my.seed, MISFIRES, me.cycle) < my.misfires
+        me.cut = 1.0 if fails or speed > my.cut_speed else 0.0
 
 
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
@@ -247,7 +248,7 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
 # throttle, otherwise the throttle's own setpoint and the idle speed do; runs: off, starting, firing or stalled; setpoint: after its
 # ramp; integral: of the governor; throttle, charge: opening of the throttle, and the charge of the cylinders that follows it;
 # phase: angle of the firing cycle; cycle: its number; uneven: irregularity of the cycle; cut: 1 in a cycle without ignition;
-# torque: on the shaft at the step's end
+# torque: on the shaft at the step's end; misfires: share of the firings that fail
 PART = Part(
     "combustion_engine",
     30,
@@ -267,7 +268,7 @@ PART = Part(
         "cut",
         "torque",
     ),
-    derived=("decay",),
+    derived=("decay", "misfires"),
     wires=("body",),
     stages={"fill": fill, "before": before, "after": after},
     role=SOURCE,

@@ -16,6 +16,12 @@ TURN = 2.0 * pi
 
 
 @njit(cache=True, error_model="numpy")
+def uniform_of(seed: float, channel: int, cycle: float) -> float:
+    """Return a number from 0 to below 1, uniformly distributed; its arguments are those of :func:`normal_of`."""
+    return uniform(int(seed), 2 * channel, int(cycle))
+
+
+@njit(cache=True, error_model="numpy")
 def normal_of(seed: float, channel: int, cycle: float) -> float:
     """Return a normally distributed number of zero mean and unit variance (Box and Muller 1958, from two uniform numbers).
 
@@ -31,5 +37,5 @@ def normal_of(seed: float, channel: int, cycle: float) -> float:
     float
         The same number for the same arguments.
     """
-    u = 1.0 - uniform(int(seed), 2 * channel, int(cycle))
+    u = 1.0 - uniform_of(seed, channel, cycle)
     return sqrt(-2.0 * log(u)) * cos(TURN * uniform(int(seed), 2 * channel + 1, int(cycle)))

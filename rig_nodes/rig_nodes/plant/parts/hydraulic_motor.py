@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from ...base import INLINED, njit, param
 from ...driveline import HI0, HI1, KIN0, KIN1, LO0, LO1
 from .part import SOURCE, Command, Part, Shown, Wire
+from .proportional_valve import leak, orifice_speed
 
 if TYPE_CHECKING:
     from ...base import Record
@@ -52,10 +53,14 @@ def valve_setting(setting: float, target: float, h: float, motor: Record) -> flo
 
 
 @njit(cache=True)
-def line_pressure(
-    pressure: float, flow: float, speed: float, setting: float, h: float, bulk_modulus: float, motor: Record
-) -> float:
-    """Return the pressure before the motor after a step, implicitly: V/K dp/dt = Q_RP - V_SH w - (p - p_ZP2) / droop.
+def displacement(motor: Record) -> float:
+    """Return the displacement that is left [m3/rad] where pistons have failed."""
+    return motor.displacement * (1.0 - motor.lost)
+
+
+@njit(cache=True)
+def line_pressure(pressure: float, flow: float, speed: float, setting: float, h: float, oil: Record, motor: Record) -> float:
+    """Return the pressure before the motor after a step, implicitly: V/K dp/dt = Q_RP - V_SH w - Q_leak - (p - p_ZP2) / droop.
 
     The last term acts only above the setting. A motor that takes more than this flow draws the rest from the tank, so the pressure
     is never below zero.
@@ -72,8 +77,8 @@ def line_pressure(
         Setting of ZP_2 [Pa].
     h : float
         Length of the step [s].
-    bulk_modulus : float
-        Bulk modulus of the oil [Pa].
+    oil : Record
+        Values of the oil.
     motor : Record
         Values of the motor.
 
@@ -82,8 +87,8 @@ def line_pressure(
     float
         Pressure [Pa].
     """
-    stiff = motor.line_volume / bulk_modulus / h
-    rest = flow - motor.displacement * speed
+    stiff = motor.line_volume / oil.bulk_modulus / h
+    rest = flow - displacement(motor) * speed - leak(motor.leak_area, pressure, orifice_speed(oil.density), stiff)
     free = pressure + rest / stiff
     if free > setting:
         free = (stiff * pressure + rest + setting / motor.relief_droop) / (stiff + 1.0 / motor.relief_droop)
@@ -99,33 +104,29 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     cap[LO0, f] = cap[LO1, f] = -my.friction
     open_to = me.relief_target if me.relief_enabled > 0.0 and not safe else 0.0
     me.relief = valve_setting(me.relief, open_to, h, my)
-    flow = my.displacement * me.target if me.enabled > 0.0 and not safe else 0.0
-    line.push[0, my.body] += my.displacement * me.pressure
-    me.pressure = line_pressure(
-        me.pressure, flow, line.speed[my.body], me.relief, h, world.values.oil_supply[my.oil].bulk_modulus, my
-    )
-    line.push[1, my.body] += my.displacement * me.pressure
+    flow = my.displacement * me.target if me.enabled > 0.0 and not safe else 0.0  # the regulator is set for a motor that is whole
+    left = displacement(my)
+    line.push[0, my.body] += left * me.pressure
+    me.pressure = line_pressure(me.pressure, flow, line.speed[my.body], me.relief, h, world.values.oil_supply[my.oil], my)
+    me.torque = left * me.pressure
+    line.push[1, my.body] += me.torque
 
 
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its MotorState."""
     me = rig.device(name)
-    return (
-        rig.speed_at(name),
-        me["target"],
-        getattr(rig.config, name).displacement * me["pressure"],
-        rig.energies["motor"],
-        me["enabled"] > 0.0,
-    )
+    return (rig.speed_at(name), me["target"], me["torque"], rig.energies["motor"], me["enabled"] > 0.0)
 
 
 # target, enabled: speed for which the regulator is set, and its switch; relief_target, relief_enabled: target of the setting of
-# ZP_2, and its switch; relief: its present setting
+# ZP_2, and its switch; relief: its present setting; torque: of the oil; leak_area: area of the gaps, 0 for none; lost: share of the
+# displacement
 PART = Part(
     "hydraulic_motor",
     30,
     (HydraulicMotorConfig,),
-    state=("target", "enabled", "relief_target", "relief_enabled", "relief", "pressure"),
+    state=("target", "enabled", "relief_target", "relief_enabled", "relief", "pressure", "torque"),
+    derived=("leak_area", "lost"),
     wires=("body", "element", "oil"),
     stages={"before": before},
     role=SOURCE,

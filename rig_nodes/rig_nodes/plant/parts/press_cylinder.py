@@ -15,6 +15,7 @@ from ...base import INLINED, njit, param, switch
 from ..friction.bench import SPRING_FORCE, SPRING_TRAVEL
 from .oil_supply import supply_pressure
 from .part import PRESS, Command, Part, Shown, Wire
+from .proportional_valve import leak, orifice_speed
 
 if TYPE_CHECKING:
     from ...base import Record
@@ -57,9 +58,32 @@ def spring_force(travel: float, cylinder: Record) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def contact_force(travel: float, cylinder: Record) -> float:
-    """Return the force [N] on the pressed object: 0 before the contact, then linear."""
-    return cylinder.contact_rate * max(0.0, travel - cylinder.contact_travel)
+def contact_force(travel: float, late: float, waves: float, cylinder: Record) -> tuple[float, float]:
+    """Return (force on the pressed object [N], its slope [N/m]): 0 before the contact, then linear.
+
+    A pack with waves of a height w is soft at first: k x^2 / (x + w), which nears k (x - w) as they come to lie flat.
+
+    Parameters
+    ----------
+    travel : float
+        Travel of the piston [m].
+    late : float
+        Travel beyond ``contact_travel`` at which the piston meets the pack [m], below 0 for an early contact.
+    waves : float
+        Height of the waves [m].
+    cylinder : Record
+        Values of the cylinder.
+
+    Returns
+    -------
+    tuple of float
+        Force [N] and its slope [N/m].
+    """
+    squeeze = travel - (cylinder.contact_travel + late)
+    if squeeze <= 0.0:
+        return 0.0, 0.0
+    share = squeeze / (squeeze + waves)
+    return cylinder.contact_rate * squeeze * share, cylinder.contact_rate * share * (2.0 - share)
 
 
 @njit(cache=True)
@@ -70,7 +94,7 @@ def machine_step(travel: float, target: float, h: float, cylinder: Record) -> fl
 
 
 @njit(cache=True)
-def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> float:
+def piston_step(travel: float, pressure: float, late: float, waves: float, h: float, cylinder: Record) -> float:
     """Return the travel after h by an implicit step of the massless, damped piston.
 
     F_p(p) -+ seals = F_s(s) + contact + damping v; the piston stays at rest while the other forces differ by less than the seals'
@@ -82,6 +106,8 @@ def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> f
         Travel before the step [m].
     pressure : float
         Pressure in the chamber [Pa].
+    late, waves : float
+        As :func:`contact_force` takes them.
     h : float
         Length of the step [s].
     cylinder : Record
@@ -93,7 +119,7 @@ def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> f
         Travel [m].
     """
     push = (cylinder.force_linear + cylinder.force_square * pressure) * pressure
-    rest = push - spring_force(travel, cylinder)[0] - contact_force(travel, cylinder)
+    rest = push - spring_force(travel, cylinder)[0] - contact_force(travel, late, waves, cylinder)[0]
     if rest > cylinder.seal_friction:
         drive = push - cylinder.seal_friction
     elif rest < -cylinder.seal_friction_back and travel > 0.0:
@@ -104,8 +130,9 @@ def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> f
     x = travel
     for _ in range(40):  # Newton's method; both forces are monotone except for a dip of 0.6 N at the start of the springs
         force, slope = spring_force(x, cylinder)
-        stiff = rate + slope + (cylinder.contact_rate if x > cylinder.contact_travel else 0.0)
-        miss = rate * (x - travel) + force + contact_force(x, cylinder) - drive
+        contact, contact_slope = contact_force(x, late, waves, cylinder)
+        stiff = rate + slope + contact_slope
+        miss = rate * (x - travel) + force + contact - drive
         new = x - miss / stiff
         if abs(new - x) < 1e-13:
             x = new
@@ -118,30 +145,47 @@ def piston_step(travel: float, pressure: float, h: float, cylinder: Record) -> f
 def before(world: Record, k: int, h: float, t: float) -> None:
     """Move lever valve, chamber, piston and springs over the step, or the testing machine in their place."""
     me, my = world.parts.press_cylinder[k], world.values.press_cylinder[k]
-    on = me.enabled > 0.0 and world.safe == 0.0
-    me.pressure = supply_pressure(me.pressure, me.setting, on, 0.0, h, world.values.oil_supply[my.oil])
+    on, oil = me.enabled > 0.0 and world.safe == 0.0, world.values.oil_supply[my.oil]
+    # a leak that would take all pressure with it lets out what the supply gives up to there
+    me.flow = leak(my.leak_area, me.pressure, orifice_speed(oil.density), 1.0 / max(oil.relief_droop, 1.0))
+    me.pressure = supply_pressure(me.pressure, me.setting, on, me.flow, h, oil)
     if my.testing_machine > 0.0:
         target = me.machine_target if me.machine_enabled > 0.0 and world.safe == 0.0 else 0.0
         me.travel = machine_step(me.travel, target, h, my)
         me.force = spring_force(me.travel, my)[0]
     else:
-        me.travel = piston_step(me.travel, me.pressure, h, my)
-        me.force = me.clamp = contact_force(me.travel, my)
+        me.travel = piston_step(me.travel, me.pressure, me.late, me.waves, h, my)
+        me.force = me.clamp = contact_force(me.travel, me.late, me.waves, my)[0]
 
 
 def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     """Return the fields of its OilState."""
     me = rig.device(name)
-    return (me["pressure"], me["setting"], 0.0, getattr(rig.config, rig.wire(name, "oil")).temperature, me["enabled"] > 0.0)
+    temperature = getattr(rig.config, rig.wire(name, "oil")).temperature
+    return (me["pressure"], me["setting"], me["flow"], temperature, me["enabled"] > 0.0)
 
 
 # setting, enabled: setting of the pressure and its switch; machine_target, machine_enabled: travel of the testing machine and its
-# switch; pressure: pressure in the chamber; force: force of the piston or the machine on the pressed object; clamp: force on a pack
+# switch; pressure: pressure in the chamber; flow: of its leak; force: force of the piston or the machine on the pressed object;
+# clamp: force on a pack; late, waves: of a pack, which tells them, as contact_force takes them; leak_area: 0 for none
 PART = Part(
     "press_cylinder",
     10,
     (PressCylinder,),
-    state=("setting", "enabled", "machine_target", "machine_enabled", "pressure", "travel", "force", "clamp"),
+    state=(
+        "setting",
+        "enabled",
+        "machine_target",
+        "machine_enabled",
+        "pressure",
+        "flow",
+        "travel",
+        "force",
+        "clamp",
+        "late",
+        "waves",
+    ),
+    derived=("leak_area",),
     wires=("oil",),
     stages={"before": before},
     role=PRESS,

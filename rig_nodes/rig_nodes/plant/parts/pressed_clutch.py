@@ -33,6 +33,7 @@ def before(world: Record, k: int, h: float, t: float) -> None:
     press = world.parts.press_cylinder[my.press]
     drag = plates.capacities_before(me, my, world.driveline.cap)
     my.clearance = my.new_clearance + me.wear
+    press.late, press.waves = my.clearance - world.values.press_cylinder[my.press].contact_travel, my.waves
     me.clamp = press.clamp
     plates.capacities_after(me, my, press.travel, drag, world)
 
@@ -49,12 +50,13 @@ def shown_values(rig: ShownRig, name: str) -> tuple[float, ...]:
     return plates.shown_pack(rig, name, press["pressure"], press["travel"])
 
 
+# waves: further height of the steel plates' waves over the pack, as the cylinder takes it
 PART = Part(
     "pressed_clutch",
     20,
     (PackFriction, PlatePack),
     state=plates.STATE,
-    derived=(*plates.DERIVED, "clearance"),
+    derived=(*plates.DERIVED, "clearance", "waves"),
     wires=(*plates.WIRES, "press"),
     stages={"fill": fill, "before": before, "after": after},
     role=CLUTCH,
