@@ -78,3 +78,14 @@ def test_trips_without_an_entry_are_none(variant):
 def test_trips_that_are_no_map_are_refused(variant, text):
     with pytest.raises(RigError, match=r"rig\.yaml:\d+: trips must be a map of keys, found"):
         load_rig(variant(text + "\n"))
+
+
+def test_a_record_says_where_a_limit_is_from(variant):
+    rig = variant('  overspeed_w0: {limit: [750 rpm, "the maker\'s sheet"]}\n')
+    for settings, source in (
+        ({}, "the maker's sheet"),
+        ({"trips.overspeed_w0.delay": "20 ms"}, "set for this run"),
+        ({"trips.overspeed_wk.delay": "20 ms"}, "the maker's sheet"),
+    ):
+        recorded = config_of_record(json.loads(json.dumps(load_rig(rig, settings).as_dict())), "here")
+        assert {trip.name: trip.source for trip in recorded.trips}["overspeed_w0"] == source, settings

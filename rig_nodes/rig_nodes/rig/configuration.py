@@ -52,7 +52,7 @@ from .structure import RATE, Device, Structure
 from .transducer_types import TRANSDUCER_TYPES
 from .transmission import Transmission, made_of, tied_to
 from .trip import Trip
-from .trips import OWN_TRIPS, TRIPS, WATCHED, OwnTrip, default_of, read_trips, trip_settings, trips_of
+from .trips import OWN_TRIPS, TRIP_SOURCES, TRIPS, WATCHED, OwnTrip, default_of, read_trips, trip_settings, trips_of
 from .turning import check_driveline
 
 _POINT_KEY = re.compile(rf"alfa46\.({'|'.join(OUTPUT_KEYS)})\.({'|'.join(POINTS)})(?:\.({'|'.join(COLUMNS)}))?")
@@ -92,7 +92,7 @@ class RigConfig:
     trips_watched : bool
         False when no trip is watched.
     trip_sources : mapping of str to str
-        Source of these limits, by the name of the trip; a record does not hold them.
+        Source of these limits, by the name of the trip; none of one that was set for a run.
     own_trips : tuple of OwnTrip
         Trips that the rig's file describes.
     """
@@ -215,6 +215,7 @@ class RigConfig:
         if trips := own.pop(TRIPS, None):
             replaced["trips_watched"] = bool(trips.pop(WATCHED, self.trips_watched))
             replaced["trip_values"] = {**self.trip_values, **trips}
+            replaced["trip_sources"] = {t: of for t, of in self.trip_sources.items() if not {f"{t}.limit", f"{t}.delay"} & {*trips}}
         replaced |= {owner: replace(self.values(owner), **those) for owner, those in own.items()}
         if self.alfa46:
             replaced["alfa46"] = Alfa46Config(replaced.get("alfa46", self.alfa46.values), profiles)
@@ -231,6 +232,7 @@ class RigConfig:
             out["prescribed"] = self.prescribed.as_dict()
         if self.trip_values or not self.trips_watched:
             out[TRIPS] = {**self.trip_values, **({} if self.trips_watched else {WATCHED: False})}
+        out |= {TRIP_SOURCES: dict(self.trip_sources)} if self.trip_sources else {}
         if self.own_trips:
             out[OWN_TRIPS] = [asdict(one) for one in self.own_trips]
         if self.faults is not None:

@@ -23,7 +23,7 @@ from .faults import FAULTS
 from .prescribed import OUTPUT_SPEEDS, Prescribed
 from .sections import CutConfig, EffectsConfig, KernelConfig, instruments_of, section_classes, with_written
 from .structure import structure_of
-from .trips import OWN_TRIPS, TRIPS, WATCHED, OwnTrip
+from .trips import OWN_TRIPS, TRIP_SOURCES, TRIPS, WATCHED, OwnTrip
 
 
 def config_of_record(record: Mapping, where: str) -> RigConfig:
@@ -97,6 +97,7 @@ def _config(record: Mapping) -> RigConfig:
         tuple(record[FAULTS]) if FAULTS in record else None,
         trip_values=trips,
         trips_watched=watched,
+        trip_sources=dict(record.get(TRIP_SOURCES) or {}),
         own_trips=tuple(OwnTrip(**one) for one in record.get(OWN_TRIPS) or ()),
     )
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from .configuration import RigConfig
 
 TRIPS, WATCHED = "trips", "watched"  # owner of the settings of trips, and that which turns all of them off
-OWN_TRIPS = "own_trips"  # key of a record for the trips that a rig's file describes
+OWN_TRIPS, TRIP_SOURCES = "own_trips", "trip_sources"  # keys of a record: the trips that a rig's file describes, sources of others
 OWN_SPN = FIRST_SPN + 1024  # of the first trip that a file describes: whatever devices a rig has, it keeps its number
 MOST_DELAY = 60.0  # s
 MOST_TIMES = 1e3  # by which a limit can be more than the one that follows from the rig
