@@ -21,10 +21,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rosgraph_msgs.msg import Clock as ClockMessage
 from running_graph import BRIEF, PATIENCE, SHORT, Client, Graph, RigRun, Traces, rig_run
 
+from rig_nodes.analysis.lost import what_was_lost
 from rig_nodes.bags.reader import Bag
 from rig_nodes.cli.run_arguments import exit_code
 from rig_nodes.nodes import realtime
-from rig_nodes.nodes.processes.result import facts_of, run_part, what_was_lost
+from rig_nodes.nodes.processes.result import facts_of, run_part
 
 
 def part_of(folder) -> dict:

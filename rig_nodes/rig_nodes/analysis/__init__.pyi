@@ -20,6 +20,7 @@ from .faults import faults_at as faults_at
 from .gathered import Gathered as Gathered, SMALL as SMALL
 from .limits import Limit as Limit, MET as MET, MISSED as MISSED, NOT_FOUND as NOT_FOUND, UNDECIDED as UNDECIDED, counted as counted, judged as judged, limit_lines as limit_lines, parse_limits as parse_limits, range_text as range_text, read_limits as read_limits
 from .loops import STEP as STEP, loop_columns as loop_columns, put_loops as put_loops
+from .lost import what_was_lost as what_was_lost
 from .measured_error import Instrument as Instrument, instruments_of as instruments_of, uncertainty as uncertainty
 from .metrics import Metric as Metric, PLOTS as PLOTS, SHORT as SHORT, every_metric as every_metric, metric_keys as metric_keys, named_metrics as named_metrics
 from .modes import Critical as Critical, Found as Found, Response as Response, Spectrum as Spectrum, beside as beside, found_in as found_in, recorded as recorded, spectrum as spectrum, states_of as states_of, system_of as system_of

@@ -32,11 +32,12 @@ from ..analysis import (
     read_limits,
     read_report,
     results_of,
+    what_was_lost,
     write_report,
 )
 from ..bags import NO_REPORT, faults_of, is_loggers_file, topic_of_today, with_end
 from ..base import RigError, load_yaml, printable, quoted
-from ..nodes import end_of, facts_of, lost_messages, run_part, what_was_lost
+from ..nodes import end_of, facts_of, lost_messages, run_part
 from .output_files import OutputFile
 from .report_of_runs import is_folder_of_runs, report_folder, write_pages
 from .shared_arguments import add_dark, add_list, check_dark

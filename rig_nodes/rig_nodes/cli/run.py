@@ -160,8 +160,8 @@ def live_view(domain: int) -> Iterator[None]:
 
 def finish(folder: Path, record: dict, end: End, restarts: list[dict], strict: bool, allow_loss: bool) -> int:
     """Write and print the report of an ended run; return its exit code."""
-    from ..analysis import build_report, format_report, gather, write_report
-    from ..nodes import join_pieces, run_part, what_was_lost
+    from ..analysis import build_report, format_report, gather, what_was_lost, write_report
+    from ..nodes import join_pieces, run_part
 
     last = [] if end.state == "ended" else [end.reason]
     try:

@@ -16,14 +16,13 @@ from pathlib import Path
 from typing import Protocol
 
 from ...bags import LIBRARY_OF_RUN, Bag, BagWriter, OpenedBags, class_of, files_of_run, read_metadata
-from ...base import RigError, printable
+from ...base import RigError
 from ...rig import Topic, catalogue, installed_topics
 from ...runs import FOLLOWING
 from .recording_options import SECOND_CLOCK
 from .supervisor import MODULES, End, processes_of
 
 RUN_INFO = "rig_msgs/msg/RunInfo"
-NAMED = 4  # topics that a sentence names
 COST = {"cpu_s", "wall_s", "max_rss_mb"}  # what each process writes beside its own facts
 
 
@@ -182,44 +181,6 @@ def _topics_of(bag: RecordedRun) -> dict[str, Topic]:
         return catalogue(bag.run_info()["configuration"]).all_topics
     except (RigError, KeyError, TypeError, ValueError):
         return installed_topics()
-
-
-def what_was_lost(run: dict) -> str:
-    """Return one sentence on what is missing of a run, from the ``run`` part of its report; empty when nothing is."""
-    losses = []
-    if run.get("lost"):
-        topics = _object(run, "lost_by_topic")
-        losses.append(f"{run['lost']} messages did not reach the bag{f': {_named(topics)}' if topics else ''}")
-    if unreadable := _object(run, "unreadable"):
-        losses.append(f"{sum(unreadable.values())} messages could not be stored: {_named(unreadable)}")
-    if unrecorded := _object(run, "unrecorded_topics"):
-        named = [f"{topic}: {why}" for topic, why in list(unrecorded.items())[:NAMED]]
-        more = f"; and {len(unrecorded) - NAMED} topics more" if len(unrecorded) > NAMED else ""
-        losses.append(f"not recorded in full (--exclude leaves a topic out): {'; '.join(named)}{more}")
-    if isinstance(clocks := run.get("other_clocks"), list) and clocks:
-        losses += map(printable, clocks)
-    if run.get("recovered"):
-        losses.append(f"the bag is damaged: {run['recovered']}")
-    if (behind := _object(run, "behind")).get("times"):
-        times = "once" if behind["times"] == 1 else f"{behind['times']} times"
-        losses.append(
-            f"the rig fell behind real time by more than {1e3 * behind['limit_s']:g} ms {times}, by up to "
-            f"{behind['longest_s']:.2f} s"
-        )
-    return "; ".join(losses)
-
-
-def _object(run: dict, key: str) -> dict:
-    """Return an object in a report; an empty one where others have written something else in its place."""
-    value = run.get(key)
-    return value if isinstance(value, dict) else {}
-
-
-def _named(counts: dict[str, int]) -> str:
-    """Name the topics that lost most, and give the number of the others."""
-    most = sorted(counts.items(), key=lambda item: -item[1])
-    more = f" and {len(most) - NAMED} topics more" if len(most) > NAMED else ""
-    return ", ".join(f"{topic} {count}" for topic, count in most[:NAMED]) + more
 
 
 def run_part(bag: RecordedRun, folder: Path, record: dict, end: End, restarts: Sequence[dict] = ()) -> dict:
