@@ -112,6 +112,17 @@ def test_a_sequence_with_faults_driven_through_fmi_has_the_bits_of_simulate(made
     assert len(reports[0]) == 5 and reports[0] == reports[1]
 
 
+def test_a_fault_with_which_a_sequence_ends_is_ordered_too(made, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("end.yaml").write_text(
+        "description: a fault at the end\nsteps:\n  - wait: {for: 100 ms}\n  - fault: {name: p1.offset, size: 2 %}\n"
+    )
+    assert drive([str(made[2][1]), "end.yaml", "--out", "fmu"]) == 0
+    assert main(["simulate", "end.yaml", "--faults", "--out", "simulate"]) == 0
+    ill, expected = (json.loads((tmp_path / name / "report.json").read_text())["run"]["faults"] for name in ("fmu", "simulate"))
+    assert [one["name"] for one in ill] == ["p1.offset"] and ill == expected
+
+
 def test_a_sequence_with_faults_is_refused_where_the_fmu_has_none(rig_fmu, tmp_path, capsys):
     (tmp_path / "ill.yaml").write_text(SEQUENCE)
     assert drive([str(rig_fmu()), str(tmp_path / "ill.yaml")]) == 2

@@ -56,14 +56,19 @@ class FmuBench:
                 self._readings[name] = float(value)
 
     def step(self, ms: int) -> None:
-        """Step to the next poll; a first millisecond takes the orders of faults, so that later ones may have the same text."""
-        first = 1 if self._faults else 0
-        if self._faults:
-            self.fmu.set(**{FAULT: FAULTS_APART.join(self._faults)})
-            self.fmu.step(ms * 1e-3, 1e-3)
-            self.fmu.set(**{FAULT: ""})
-            self._faults = []
+        """Step to the next poll."""
+        first = self.take_orders(ms)
         self.fmu.step((ms + first) * 1e-3, (TICK - first) * 1e-3)
+
+    def take_orders(self, ms: int) -> int:
+        """Have one millisecond take the orders of faults, so that later ones may have the same text; return how many ms passed."""
+        if not self._faults:
+            return 0
+        self.fmu.set(**{FAULT: FAULTS_APART.join(self._faults)})
+        self.fmu.step(ms * 1e-3, 1e-3)
+        self.fmu.set(**{FAULT: ""})
+        self._faults = []
+        return 1
 
     def ready(self) -> bool:
         """Return True, because the FMU is ready from the start."""
@@ -149,6 +154,7 @@ def drive(fmu: Fmu, sequence: Sequence, config: RigConfig, **parameters: float |
             bench.hear(ms)
             bench.step(ms)
             ms += TICK
+        ms += bench.take_orders(ms)  # with which the sequence ends
     finally:
         fmu.terminate()
     return ms * 1e-3
