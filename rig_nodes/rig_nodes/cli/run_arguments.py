@@ -48,18 +48,18 @@ def step_timeout(text: str) -> StepTimeout:
     """Return the limits of --step-timeout; a controller has as long to connect, but at least 2 s and at most a minute."""
     if text == "none":
         return StepTimeout(None, None)
-    seconds = above_zero(text, None)
+    seconds = above_zero(text, None, "seconds above 0, e.g. 0.2, or none")
     return StepTimeout(seconds, min(max(seconds, LEAST_COME), MOST_COME))
 
 
-def above_zero(text: str, endless: str | None) -> float:
-    """Return a number above zero, or inf for the word ``endless`` if there is one."""
+def above_zero(text: str, endless: str | None, what: str = "a number above 0") -> float:
+    """Return a number above zero, or inf for the word ``endless`` if there is one; ``what`` is expected."""
     try:
         value = math.inf if text == endless else float(text)
     except ValueError:
         value = 0.0
     if not value > 0.0 or (math.isinf(value) and text != endless):
-        raise argparse.ArgumentTypeError(f"'{text}': expected a number above 0{f' or {endless}' if endless else ''}")
+        raise argparse.ArgumentTypeError(f"'{text}': expected {what}{f' or {endless}' if endless else ''}")
     return value
 
 
