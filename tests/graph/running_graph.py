@@ -36,16 +36,17 @@ PATIENCE = 20.0
 
 
 class Graph:
-    """A rig that runs until closed, under the same supervisor as `rig run`, without a sequence of its own."""
+    """A rig that runs until closed or to the end of its sequence, under the same supervisor as `rig run`."""
 
-    def __init__(self, folder: Path, **order):
+    def __init__(self, folder: Path, sequence: str | None = None, **order):
         """Starts the graph; ``order`` holds fields of the supervisor's Order, e.g. speed for a run in lockstep."""
         self.folder = folder
         folder.mkdir()
         Rig(load_rig("hydmag")).advance_samples(1)  # compiles what is not compiled yet, outside the time limit below
         self.domain = allocate()
         self.reports = []
-        self.supervisor = Supervisor(Order(None, "hydmag", **order), folder, self.domain, lambda t, text: self.reports.append(text))
+        order_of = Order(sequence, "hydmag", **order)
+        self.supervisor = Supervisor(order_of, folder, self.domain, lambda t, text: self.reports.append(text))
         self._thread = threading.Thread(target=self.supervisor.run, daemon=True)  # pytest ends also where a failed test leaves it
         self._thread.start()
         if not self.supervisor.running.wait(PATIENCE) or self.supervisor.ended.is_set():

@@ -24,7 +24,8 @@ from running_graph import Client, Graph
 from std_srvs.srv import Trigger
 
 from rig_nodes.analysis import gather
-from rig_nodes.nodes.processes.result import facts_of, run_part, what_was_lost
+from rig_nodes.analysis.lost import what_was_lost
+from rig_nodes.nodes.processes.result import facts_of, run_part
 from rig_nodes.rig import faults_of, load_rig
 
 pytestmark = [pytest.mark.against_the_clock, pytest.mark.campaign]

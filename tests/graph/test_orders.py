@@ -89,6 +89,20 @@ def test_a_cancelled_sequence_gives_no_more_orders_and_leaves_what_is_set(user, 
     assert user.states[-1].state == RigState.RUNNING
 
 
+def test_the_sequence_with_which_a_rig_was_started_is_cancelled_too(tmp_path, long_sequence):
+    graph = Graph(tmp_path / "own", long_sequence, speed=1.0)
+    client = Client(graph.domain)
+    try:
+        client.until(lambda: any("wait 20 s" in text for text in graph.reports), "the long wait")
+        answer = client.call(CancelGoal, "/sequencer/run/_action/cancel_goal")
+        assert answer.return_code == CancelGoal.Response.ERROR_NONE and len(answer.goals_canceling) == 1
+        client.until(graph.supervisor.ended.is_set, "the end of the run", 10.0)
+    finally:
+        client.close()
+        end = graph.close()
+    assert end.state == "failed" and end.reason.startswith("sequence 'long' was cancelled in step 3 of 4"), end
+
+
 def test_the_next_sequence_is_taken_after_a_cancel(user, tmp_path):
     path = tmp_path / "off.yaml"
     path.write_text("description: off\nsteps:\n  - motor: {off: true}\n  - wait: {for: 50 ms}\n")

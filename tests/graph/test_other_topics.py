@@ -13,12 +13,13 @@ from rig_msgs.msg import Setpoint
 from running_graph import Client, Graph
 from std_msgs.msg import Float64, String, UInt64
 
+from rig_nodes.analysis.lost import what_was_lost
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.config import load_yaml
 from rig_nodes.cli.main import main
 from rig_nodes.nodes.other_topics import OtherTopics
 from rig_nodes.nodes.processes.recording_options import TopicChoice
-from rig_nodes.nodes.processes.result import facts_of, lost_messages, what_was_lost
+from rig_nodes.nodes.processes.result import facts_of, lost_messages
 from rig_nodes.nodes.replay import obstacle, offered
 from rig_nodes.view.convert import make_view
 

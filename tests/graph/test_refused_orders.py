@@ -16,8 +16,9 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from test_failed_orders import NOT_SO
 
+from rig_nodes.analysis.lost import what_was_lost
 from rig_nodes.bags.reader import Bag
-from rig_nodes.nodes.processes.result import facts_of, lost_messages, run_part, what_was_lost
+from rig_nodes.nodes.processes.result import facts_of, lost_messages, run_part
 
 pytestmark = pytest.mark.against_the_clock
 

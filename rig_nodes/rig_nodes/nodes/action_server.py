@@ -11,7 +11,9 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from action_msgs.msg import GoalInfo
 from action_msgs.srv import CancelGoal
+from builtin_interfaces.msg import Time
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import GoalEvent, ServerGoalHandle
@@ -43,6 +45,8 @@ class GoalServer(ActionServer):
         It is called with the handle of a goal and returns a CancelResponse.
     on_request : callable
         It is called with a request, before ``on_goal``, and returns a GoalResponse.
+    on_cancel_all : callable
+        It is called for a request for all goals while there is none, and returns whether it cancels what no goal has begun.
     """
 
     def __init__(
@@ -53,6 +57,7 @@ class GoalServer(ActionServer):
         on_goal: Callable[[ServerGoalHandle], None],
         on_cancel: Callable[[ServerGoalHandle], CancelResponse],
         on_request: Callable[[Any], GoalResponse] = lambda request: GoalResponse.ACCEPT,
+        on_cancel_all: Callable[[], bool] = lambda: False,
     ) -> None:
         """Open the action; the class describes the parameters."""
         super().__init__(
@@ -64,7 +69,7 @@ class GoalServer(ActionServer):
             handle_accepted_callback=on_goal,
             cancel_callback=on_cancel,
         )
-        self._on_cancel = on_cancel
+        self._on_cancel, self._on_cancel_all = on_cancel, on_cancel_all
 
     async def execute(self, taken_data: Any) -> None:
         """Handle what has come; an exception ends the process as that of any other callback does, where rclpy would keep it."""
@@ -83,6 +88,9 @@ class GoalServer(ActionServer):
             if handle is not None and self._on_cancel(handle) == CancelResponse.ACCEPT:
                 handle._update_state(GoalEvent.CANCEL_GOAL)
                 response.goals_canceling.append(goal)
+        info = request.goal_info  # without an id and without a stamp it is for all goals
+        if not asked and not any(info.goal_id.uuid) and info.stamp == Time() and self._on_cancel_all():
+            response.goals_canceling.append(GoalInfo())
         if asked and not response.goals_canceling:
             response.return_code = CancelGoal.Response.ERROR_REJECTED
         try:

@@ -60,7 +60,9 @@ class Sequencer(Node):
         self._failed = ""  # why the newest sequence did not reach its end
         self.outcome: dict | None = None  # result of the sequence of --sequence, when it is over
         self.diagnostics = Diagnostics(self, self.health, lambda: self.bench.stamp_ns)
-        self._server = GoalServer(self, RunSequence, "/sequencer/run", self.on_goal, self.on_cancel)
+        self._server = GoalServer(
+            self, RunSequence, "/sequencer/run", self.on_goal, self.on_cancel, on_cancel_all=self.on_cancel_all
+        )
 
     def listen(self) -> None:
         """Subscribe to the samples; called when the receivers of the setpoints are connected."""
@@ -146,6 +148,12 @@ class Sequencer(Node):
         self._cancelled = True
         self.wake()
         return CancelResponse.ACCEPT
+
+    def on_cancel_all(self) -> bool:
+        """Cancel the sequence with which the rig was started at the next tick; return False when none runs."""
+        self._cancelled = self._runner is not None
+        self.wake()
+        return self._cancelled
 
     def start(self, sequence: Sequence) -> None:
         """Start a sequence at the next tick; RigError when the rig lacks something that it asks for."""

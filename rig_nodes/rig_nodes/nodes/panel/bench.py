@@ -249,8 +249,7 @@ class Bench:
 
         def outcome(answer: CancelGoal.Response) -> str:
             if answer.return_code != CancelGoal.Response.ERROR_NONE or not answer.goals_canceling:
-                own = "the sequence was started with the rig, by its command, and ends with it, or with an emergency stop"
-                raise RefusedByRig(own if self.progress["running"] else "no sequence runs")
+                raise RefusedByRig("no sequence runs")
             return "the sequence is aborted"
 
         # a request without an id and without a stamp is for all goals (action_msgs/CancelGoal)
