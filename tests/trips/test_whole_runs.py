@@ -274,6 +274,13 @@ def test_a_nominal_sequence_trips_nowhere(rig, sequence):
     assert run.end == {"state": "ended", "reason": "the sequence ended"}
 
 
+def test_losses_that_bend_with_the_torque_are_no_wrong_reading():
+    """Annex D's losses take 136 Nm of gear I's torque at 240 Nm, for as long as the gear holds."""
+    config, values = load_rig("chapter9"), {"speed": "1200 rpm", "load_up": "40 Nm", "load_down": "240 Nm", "pause": "3 s"}
+    run = record(config, load_sequence("grid_point", values, "chapter9", "chapter9", config))
+    assert run.end == {"state": "ended", "reason": "the sequence ended"}
+
+
 @pytest.mark.parametrize("status, word", [(2, "error"), (3, "fatal")])
 def test_a_fault_that_the_controller_reports_trips_with_its_own_words(tmp_path, status, word):
     (tmp_path / "tcu.py").write_text(REPORTING.format(status=status))

@@ -156,12 +156,15 @@ def _pressure(
 def _torques(config: RigConfig, into: Transducer, out: Transducer, there: bool) -> Iterator[Trip]:
     """Torques of input and output that ratio and losses of an engaged gear do not explain."""
     full = max(getattr(config.instruments, f"{one.like}_range") for one in (into, out))
+    losses = (getattr(config, one.name) for one in config.structure.of_role(parts.LOSS))
+    bent = sum(abs(getattr(one, "square", 0.0)) for one in losses) * full * full
     for number, gear in enumerate(config.structure.gears, 1):
         ratio = config.transmission.ratios.get(number)
         if ratio is not None:
             text = f"difference of {into.name} and {out.name} by the ratio of gear {gear.name}"
             apart = Sum(text, ((f"{MEASURED}{into.name}", ratio), (f"{MEASURED}{out.name}", -1.0)), True)
-            limit = 0.15 * full * max(1.0, abs(ratio))
+            limit = 0.15 * full * max(1.0, abs(ratio)) + bent
             source = "assumed: 15 % of the full scale on the input, more than losses and inertias take for so long"
+            source += ", and the losses by the square of the torque at full scale" * (bent > 0.0)
             name = f"contradicts_{into.name}_{gear.name}"
             yield Trip(name, apart, "torque", limit, source, ERRATIC, 2.0, True, engaged(number, gear.name), there=there)
