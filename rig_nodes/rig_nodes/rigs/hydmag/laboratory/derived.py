@@ -60,7 +60,7 @@ def _holds(records: list[Record]) -> list[Record]:
 
 
 def _ranks(records: list[Record]) -> list[Record]:
-    """Return the engagement_rank of each profile series among those of its valve; one without a hold phase has no rank (7.1.4)."""
+    """Return the engagement_rank of each profile series among those of its valve; one without a hold phase has no rank (7.3.2)."""
     out = []
     for _, series in group(_whole(records, "profile_series", "engagement_peak_nm"), ("valve",)):
         rows = []
