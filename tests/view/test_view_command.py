@@ -62,6 +62,18 @@ def test_who_reads_a_run_does_not_wait_for_the_compiler(run, verb):
     assert done.stderr.splitlines()[-1] == "0 []", done.stderr
 
 
+@pytest.mark.parametrize(
+    "verb", [["report", "--picture", "shift.png"], ["export", "csv", "-o", "run.csv"]], ids=lambda verb: verb[0]
+)
+def test_who_draws_or_exports_a_run_does_not_wait_for_the_compiler(run, verb, tmp_path):
+    code = (
+        "import sys; from rig_nodes.cli.main import main; code = main(sys.argv[1:]); "
+        "print(code, sorted({'numba', 'llvmlite', 'rig_nodes.runs.rig'} & set(sys.modules)), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *verb, str(run)], cwd=tmp_path, capture_output=True, text=True, timeout=100)
+    assert done.stderr.splitlines()[-1] == "0 []", done.stderr
+
+
 REFUSED = {
     "nothing": (["--no-open"], "give one of these: the folder of a run, --live, or --layout"),
     "two things": (["{run}", "--live"], "give one of these"),

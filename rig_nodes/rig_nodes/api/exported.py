@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ..bags import FILE_KINDS, Order, Signals, export
 from ..base import RigError, atomic_write
-from ..controllers import csv_text, dbc_text, header_text, markdown_text, record_of
 from ..rig import check_gearbox
-from ..runs import WRITERS, export_can_log
 from .given import product, seconds_of
 
 if TYPE_CHECKING:
@@ -23,12 +21,7 @@ if TYPE_CHECKING:
     Progress = Callable[[float, str], None]  # time [s] up to which the run is read, and a text
 
 
-OF_RIGS = {  # ending of a file -> what it is, as `rig export` calls it, and its content
-    ".dbc": ("dbc", dbc_text),
-    ".csv": ("registers", csv_text),
-    ".md": ("registers", markdown_text),
-    ".h": ("record", header_text),
-}
+CAN_LOGS = "blf", "asc", "log"  # the other kinds of files of a run are tables
 
 
 class Exported(NamedTuple):
@@ -89,11 +82,13 @@ def exported(
     if target.exists():
         raise RigError(f"{target}: is there already; choose a new name")
     seconds = seconds_of("period", period)
-    if kind in WRITERS:
+    if kind in CAN_LOGS:
         if signals or seconds is not None or units != "si":
             raise RigError(
                 f"{target}: {kind} holds the frames of the rig's CAN database; signals, period and units are for other files"
             )
+        from ..runs import export_can_log  # which loads the compiler
+
         count, cut_off = export_can_log(kind, run, target, watch(None) if watch else None)
         return Exported(target, count, [], cut_off)
     if seconds is not None and kind in ("mf4", "mat"):
@@ -108,8 +103,16 @@ def exported(
 
 def export_rig(config: RigConfig, file: Path) -> None:
     """Write what a controller needs to know of a rig, of the kind that the file's ending says; as ``Rig.export``."""
-    if (kind := OF_RIGS.get(file.suffix.lower())) is None:
-        raise RigError(f"{file}: its ending says no kind of file of a rig; expected {', '.join(OF_RIGS)}")
+    from ..controllers import csv_text, dbc_text, header_text, markdown_text, record_of
+
+    of_rigs = {  # ending of a file -> what it is, as `rig export` calls it, and its content
+        ".dbc": ("dbc", dbc_text),
+        ".csv": ("registers", csv_text),
+        ".md": ("registers", markdown_text),
+        ".h": ("record", header_text),
+    }
+    if (kind := of_rigs.get(file.suffix.lower())) is None:
+        raise RigError(f"{file}: its ending says no kind of file of a rig; expected {', '.join(of_rigs)}")
     what, text = kind
     check_gearbox(config, f"export {what}")
     atomic_write(product("file", file, what), text(record_of(config)))

@@ -6,7 +6,7 @@
 from .bag_outputs import BagOutputs as BagOutputs
 from .calculations import Calculation as Calculation, Recorded as Recorded, Table as Table, calculations_of as calculations_of, of_bag as of_bag, on_recording as on_recording, recorded_with as recorded_with
 from .campaign import run_campaign as run_campaign
-from .can_log import WRITERS as WRITERS, export_can_log as export_can_log
+from .can_log import export_can_log as export_can_log
 from .commanded_rig import check_level as check_level
 from .conformance import Check as Check
 from .cuts import topic_of as topic_of
