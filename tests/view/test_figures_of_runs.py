@@ -8,11 +8,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 
 import rig_nodes
 from rig_nodes.rigs.hydmag.laboratory import time_courses
 from rig_nodes.view import Pages, draw_figure, figure_of_shift, figures_of_compare, figures_of_run, write_compare_file
+from rig_nodes.view.figure import DASHED, DOTTED, SOLID, Curve, Description, Panel, column_of
 from rig_nodes.view.page_of_report import compare_page
+from rig_nodes.view.palette import CLUTCHES
 from rig_nodes.view.recorded import derivative
 
 from ..labels import hidden, struck
@@ -33,11 +38,19 @@ RIGS = dict.fromkeys(
 )
 RIGS |= {rig: rig for rig in ("cylinder_bench", "clutch_bench", "spring_bench")}
 ON_A_PHONE = "hydmag", "ural2", "cylinder_bench"
-NO_PLACE = {  # oscillating torques fill their plot; the three strokes of the springs lie within 20 pixels
-    "chain_saw": ["shoe_clutch_torque"],
-    "ural2": ["shoe_clutch_torque"],
-    "spring_bench": ["F_ps, measured"],
-}
+
+
+def over_bands(figure: Figure) -> list[str]:
+    """Returns a sentence for each label that lies over the highest or the lowest point of a band."""
+    renderer, found = FigureCanvasAgg(figure).get_renderer(), []
+    for axes in figure.axes:
+        labels = [(text.get_text(), text.get_window_extent(renderer)) for text in axes.texts]
+        for area in (one for one in axes.collections if isinstance(one, PolyCollection) and not one.get_hatch()):
+            points = axes.transData.transform(np.concatenate([path.vertices for path in area.get_paths()]))
+            points = points[(points[:, 0] >= axes.bbox.x0) & (points[:, 0] <= axes.bbox.x1)]
+            ends = [points[at] for at in (points[:, 1].argmin(), points[:, 1].argmax())] if len(points) else []
+            found += [f"'{one}' is over an end of a band" for one, box in labels if any(box.contains(*end) for end in ends)]
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -99,14 +112,17 @@ def test_no_two_curves_look_alike_each_axis_has_four_numbers_and_labels_are_free
             looks = [(one.colour, one.style, one.column) for one in panel.curves]
             assert len(set(looks)) == len(looks), panel.title
         picture = draw_figure(figure)
-        assert hidden(picture) == []
+        assert hidden(picture) == over_bands(picture) == []
         crossed += struck(picture)
         for axes in picture.axes:
             for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
                 assert sum(low <= one <= high for one in axis.get_majorticklocs()) >= 4
-    assert crossed == NO_PLACE.get(rig, []), "where a place is free"
+    assert crossed == []
     for figure in figures if rig in ON_A_PHONE else ():
         assert hidden(draw_figure(figure, width=370)) == []
+    for figure in of_shifts if rig in ON_A_PHONE else ():
+        picture = draw_figure(figure, width=370)
+        assert hidden(picture) == struck(picture) == []
 
 
 def test_a_saw_opens_on_its_own_page_with_three_turns_beside_the_run(drawn):
@@ -209,3 +225,34 @@ def test_a_figure_of_the_validation_has_the_colours_of_its_signals(drawn):
     curves = [curve for _, figure in parts for panel in figure.panels for curve in panel.curves]
     assert {one.signal: one.colour for one in curves} == {one.signal: pages.look(one.signal).colour for one in curves}
     assert len(curves) == 6
+
+
+@pytest.mark.parametrize("rig", ["ural2", "chain_saw", "frame_saw"])
+def test_a_saws_run_has_a_plot_for_what_is_measured_what_drives_and_what_the_clutch_carries(drawn, rig):
+    run, figures = drawn(rig)
+    pages = Pages(run.record)
+    measured = {one.name for one in pages.structure.transducers}
+    for panel in figures[-1].panels:
+        names = {one.signal for one in panel.curves}
+        assert len(names) <= 4 and (names <= measured or not names & measured or "peed" in panel.title), panel.title
+    drawn_curves = [one for figure in figures for panel in figure.panels for one in panel.curves]
+    whole = {one.signal: np.ptp(np.concatenate([one.y, *(one.band or ())])) for one in drawn_curves if one.column == 0}
+    close = [one for one in drawn_curves if one.column == 1 and np.ptp(one.y) > 0.1 * whole[one.signal]]
+    assert all(len(one.t) > 20 for one in close), "three turns of fewer samples have no shape"
+    words = {one.text for one in drawn_curves}
+    assert not [one for one in words if "_" in one and one not in measured], "names of the program where a device has one"
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("style", [DASHED, DOTTED])
+def test_an_order_is_seen_on_an_actual_value_that_follows_it(style, dark):
+    t = np.linspace(0.0, 10.0, 200)
+    actual, order = (Curve("p", "", "", CLUTCHES[0], one, t, np.sin(t)) for one in (SOLID, style))
+    seen = []
+    for curves in ((actual,), (actual, order)):
+        canvas = FigureCanvasAgg(draw_figure(Description("", "", "", "", (column_of(t, "s"),), (Panel("p", "MPa", curves),)), dark))
+        canvas.draw()
+        seen.append(np.asarray(canvas.buffer_rgba())[:, :, :3].astype(int))
+    ground = seen[0][0, 0]
+    covered = (np.abs(seen[0] - ground).sum(axis=2) > 200) & (np.abs(seen[1] - ground).sum(axis=2) < 100)
+    assert covered.sum() > 100, "pixels of a line of 1000"

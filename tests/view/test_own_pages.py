@@ -164,7 +164,20 @@ def test_a_title_names_what_is_in_its_plot(rig):
     for title, names in pages.other_plots:
         assert " of " in title and len({pages.signal(name).quantity for name in names}) == 1, (title, names)
     for title, names in plots_of(pages):
-        assert len({pages.signal(name).display_unit for name in names}) == 1, (title, names)
+        assert "_" not in title and len({pages.signal(name).display_unit for name in names}) == 1, (title, names)
+
+
+def test_a_legend_has_the_words_for_a_device_and_a_transducers_own_name():
+    pages = INSTALLED["chain_saw"]
+    assert [pages.label(name) for name in ("shoe_clutch_capacity", "M_clutch", "n_engine", "energy_residual")] == [
+        "shoe clutch capacity [Nm]",
+        "M_clutch [Nm]",
+        "n_engine [rpm]",
+        "energy residual [kJ]",
+    ]
+    assert (
+        INSTALLED["hydmag"].label("zr_p1_duty").startswith("ZR-P1 duty [") and INSTALLED["hydmag_engine"].words("v_rate") == "dv/dt"
+    )
 
 
 @pytest.mark.parametrize(

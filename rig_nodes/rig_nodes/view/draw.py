@@ -22,6 +22,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedFormatter, FixedLocator, Locator, LogLocator, MaxNLocator, StrMethodFormatter
 
 from ..analysis import INTERRUPTED
@@ -50,7 +51,8 @@ LINE = 19  # height of a line of text
 LETTER = 0.565 * DPI / 72.0  # width of an average letter by the size of its font
 SIGN, HEAD = 8, 12  # width of a sign of an axis' numbers, and where the words of a narrow figure begin [px]
 DASHES = {SOLID: "-", DASHED: (0, (4, 2)), DOTTED: (0, (1, 1.6)), POINTS: "none"}
-WIDTHS = {SOLID: 1.7, DASHED: 1.2, DOTTED: 1.3, POINTS: 0.0}
+WIDTHS = {SOLID: 1.7, DASHED: 1.0, DOTTED: 1.1, POINTS: 0.0}
+RIM = 1.6  # width of the ground around a dashed or dotted line, which shows it on a solid one of its colour
 BEYOND = 1.35  # of the other curves' range, up to which a curve that does not scale the axis is shown
 MARGIN = 0.2  # of the range of a plot, above and below its curves
 NEXT = 3  # pixels between two signs in the strip
@@ -133,6 +135,7 @@ class _Drawing:
         self.left, self.right, signs = (62, 8, 4) if self.stacked else (78, 18, 5)
         ends = [end for one in description.panels if not one.log for end in _range_of(one)]
         self.left += SIGN * max(0, max((len(f"{end:.0f}") for end in ends), default=0) - signs)  # longer numbers take more room
+        self.noted: set[int] = set()  # panels whose note is written, by id
         self.texts: list[tuple[float, float, str, float, dict]] = []  # of the head, as its height decides that of the figure
         head = self._head()
         strip = (32 if description.moments else 8) + (STRIP + 6 if any(one.texts for one in description.stretches) else 8)
@@ -326,11 +329,14 @@ class _Drawing:
         for one in panel.levels:
             style = DASHES[DASHED if one.limit else DOTTED]
             axes.axhline(one.y, color=colours[LIMIT if one.limit else INK], linewidth=1.0, linestyle=style)
-        for one in sorted(shown, key=lambda one: one.style == SOLID):
+        solid = {one.colour for one in shown if one.style == SOLID}
+        for one in sorted(shown, key=lambda one: list(DASHES).index(one.style)):  # an order lies over what came of it
             colour = colours[one.colour]
             if one.band is not None:
                 axes.fill_between(one.t, *one.band, color=colour, alpha=0.3, linewidth=0)
             look = {"color": colour, "linestyle": DASHES[one.style], "linewidth": WIDTHS[one.style]}
+            if one.style in (DASHED, DOTTED) and one.colour in solid:
+                look["path_effects"] = [withStroke(linewidth=WIDTHS[one.style] + RIM, foreground=colours[GROUND])]
             axes.plot(one.t, one.y, label=one.signal, marker="o" if one.style == POINTS else None, markersize=4, **look)
         for one in panel.rings:
             look = {"markerfacecolor": "none", "markeredgecolor": colours[one.colour], "markeredgewidth": 1.6}
@@ -350,6 +356,9 @@ class _Drawing:
         drawn = {id(one): pixels(one.t, one.y) for one in shown}
         for x, y in drawn.values():
             labels.curve(x, y)
+        for one in shown:
+            for edge in one.band or ():
+                labels.curve(*pixels(one.t, edge))
         heights = {id(one): float(pixels(column.first, one.y)[1, 0]) for one in panel.levels}
         for y in heights.values():
             labels.level(y)
@@ -368,20 +377,31 @@ class _Drawing:
             labels.keep_free(x - 6, y - 6, x + 6, y + 6)
         for one in panel.rings:
             if panel.across is not None or self._shows(one.t, place):
-                at = points[id(one)]
-                self._label(axes, labels, (one.text,), one.colour, lambda size, at=at: around(at, size), point=at, weight="bold")
+                at, texts = points[id(one)], (one.text, re.split(" = |, ", one.text)[0])
+                self._label(axes, labels, texts, one.colour, lambda size, at=at: around(at, size), point=at, weight="bold")
         for one in panel.hatches:
             worst = int(np.abs(one.y).argmax())
             if self._shows(float(one.t[worst]), place):
                 at = pixels(one.t[worst], 0.5 * one.y[worst])[:, 0]
-                self._label(axes, labels, (one.text,), NOTE, lambda size, at=at: around(at, size), point=at)
+                self._label(axes, labels, (one.text, one.short), NOTE, lambda size, at=at: around(at, size), point=at)
         whole = labels.width, labels.height
-        if panel.note and place == 0:
-            self._label(axes, labels, (panel.note,), NOTE, lambda size: anywhere(size, whole))
+        if panel.note and id(panel) not in self.noted:
+
+            def free(size: tuple[float, float]) -> np.ndarray:
+                wishes = anywhere(size, whole)
+                best = labels.best(*size, wishes)
+                return wishes[: 0 if best is None or best[0] >= CURVE else None]
+
+            if self._label(axes, labels, (panel.note,), NOTE, free):
+                self.noted.add(id(panel))
+            elif wide:  # no column has room for the whole of it
+                for line in panel.note.splitlines():
+                    self._label(axes, labels, (line,), NOTE, lambda size: anywhere(size, whole))
         for one in panel.levels if wide else ():
             x, y = np.array([0.0, labels.width]), np.full(2, heights[id(one)])
             colour, gaps = (LIMIT, NEXT_TO) if one.limit else (INK, NEARBY)
-            self._label(axes, labels, (one.text,), colour, lambda size, x=x, y=y, gaps=gaps: along(x, y, size, whole, 0.9, gaps))
+            texts = tuple(filter(None, (one.text, one.short)))
+            self._label(axes, labels, texts, colour, lambda size, x=x, y=y, gaps=gaps: along(x, y, size, whole, 0.9, gaps))
         for one in shown:
             if one.text:
                 x, y = drawn[id(one)]
@@ -404,8 +424,11 @@ class _Drawing:
         wishes: Wishes,
         point: np.ndarray | None = None,
         weight: str = "normal",
-    ) -> None:
-        """Write the first of some texts that has a free place, whole or in two lines, or the one that lies over least."""
+    ) -> bool:
+        """Write the first of some texts that has a free place, whole or in two lines, or the one that lies over least.
+
+        Where none has a place there is no label, and the answer is False.
+        """
         shade, at = self.palette[colour], {"transform": axes.transAxes, "va": "bottom", "weight": weight}
         best: tuple[float, float, float, Text] | None = None
         for text in itertools.chain.from_iterable((one, _halved(one)) for one in texts):
@@ -421,7 +444,7 @@ class _Drawing:
             if best is not None and best[0] < CURVE:
                 break
         if best is None:
-            return
+            return False
         _, *found, drawn = best
         size = self.size(drawn)
         labels.take(found[0], found[1], *size)
@@ -434,6 +457,7 @@ class _Drawing:
                 ends = [point[0] / labels.width, x / labels.width], [point[1] / labels.height, y / labels.height]
                 labels.leader(point, (x, y))
                 axes.add_line(Line2D(*ends, color=shade, linewidth=0.8, transform=axes.transAxes))
+        return True
 
 
 def _name(panel: Panel) -> str:

@@ -80,20 +80,22 @@ class Ring:
 
 @dataclass(frozen=True)
 class Level:
-    """A horizontal line: a limit, or what the load asks; a limit is red."""
+    """A horizontal line: a limit, or what the load asks, with a shorter text for where there is little room; a limit is red."""
 
     y: float
     text: str
     limit: bool = True
+    short: str = ""
 
 
 @dataclass(frozen=True)
 class Hatch:
-    """The area between a curve and zero over the times (n,) at which it matters, with its sentence."""
+    """The area between a curve and zero over the times (n,) at which it matters, with its sentence and a shorter one."""
 
     t: np.ndarray
     y: np.ndarray
     text: str
+    short: str
 
 
 @dataclass(frozen=True)

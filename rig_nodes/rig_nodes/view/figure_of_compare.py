@@ -81,10 +81,11 @@ def _panels(time: np.ndarray, values: Mapping[str, Sequence[np.ndarray]], names:
             for n, y in enumerate(shown_values):
                 colour = pages.look(name).colour if few else CURVES[n % len(CURVES)]
                 style = STYLES[n] if few else STYLES[n // len(CURVES) % len(STYLES)]
-                text = "" if few and n else name if few else names[n]
+                called = pages.words(name) if few else names[n]
+                text = "" if few and n else called
                 over.append(Curve(name, text, text, colour, style, time, y))
                 if n:
-                    apart.append(Curve(name, text or name, text or name, colour, style, time, y - shown_values[0]))
+                    apart.append(Curve(name, called, called, colour, style, time, y - shown_values[0]))
         unit = pages.signal(signals[0]).display_unit if signals else ""
         for heading, curves in ((title, over), (LESS, apart)):
             if any(np.isfinite(one.y).any() for one in curves):

@@ -32,6 +32,7 @@ APART = 25.0  # ratio of two signals' sizes from which they have plots of their 
 FLAT = 0.01  # of a signal's measuring range, below which it counts as constant
 WITHIN = 0.25  # share of a swing that must lie within a stretch of a pixel; 1/9 of a ramp does
 CLOSE, TURNS = 2.0, 3  # s that are searched for periods, and periods or turns that are shown
+LEAST = 8  # samples in a period or turn, from which its shape is seen
 PERIODIC = 0.5  # autocorrelation from which a signal has a period
 SMOOTH = 9  # stretches over which the height of a swing is taken
 
@@ -73,6 +74,7 @@ class _Page:
             kept for one in plots if (kept := replace(one, signals=tuple(name for name in one.signals if name in found))).signals
         ]
         self.close: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.seldom: list[str] = []  # signals of which the second column would show what is between their samples
 
     def figure(self) -> Description:
         span = next((one.start, one.end) for one in self.found.values()) if self.plots else (0.0, 1.0)
@@ -96,7 +98,7 @@ class _Page:
             moments += [Moment(t, text, "") for t, text in ends if t is not None]
         return Description(
             f"{self.title}: {run.get('description') or run.get('sequence') or 'run'}",
-            f"constant: {', '.join(map(self._value, constant))}" if constant else "",
+            " · ".join(self._notes(constant)),
             "",
             "",
             columns,
@@ -105,9 +107,15 @@ class _Page:
             tuple(sorted(moments, key=lambda one: one.t)),
         )
 
+    def _notes(self, constant: Sequence[str]) -> list[str]:
+        """Return what is said in place of curves."""
+        seldom = ", ".join(self.pages.words(name) for name in dict.fromkeys(self.seldom))
+        notes = [f"constant: {', '.join(map(self._value, constant))}"] if constant else []
+        return [*notes, f"recorded too seldom for the close-up: {seldom}"] if seldom else notes
+
     def _value(self, name: str) -> str:
         low, high = self.found[name].span
-        return f"{name} {0.5 * (low + high):z.3g} {self.pages.signal(name).display_unit}".strip()
+        return f"{self.pages.words(name)} {0.5 * (low + high):z.3g} {self.pages.signal(name).display_unit}".strip()
 
     # ---- which plots
 
@@ -141,7 +149,7 @@ class _Page:
             look = self.pages.look(name)
             colour, style = look.colour, DASHED if look.demanded else SOLID
             scales = len(plot.signals) == 1 or not look.demanded
-            text = f"d{self.pages.rates[name][1]}/dt" if name in self.pages.rates else name
+            text = self.pages.words(name)
             curves.append(_whole(self.found[name], Curve(name, text, text, colour, style, *_NONE, scales=scales, column=0)))
             if name in self.close:
                 curves.append(Curve(name, text, text, colour, style, *self.close[name], scales=scales, column=1))
@@ -182,7 +190,12 @@ class _Page:
             column = Column(0.0, 1e3 * length, f"time from {middle - 0.5 * length:.3f} s [ms]", 0.36)
         for name, (x, y) in scaled.items():
             part = slice(max(0, int(np.searchsorted(x, column.first)) - 1), int(np.searchsorted(x, column.last)) + 1)
-            if len(x[part]) > 1:
+            if len(x[part]) < 2 or name not in self.found:  # a speed that only gives the angle
+                continue
+            low, high = self.found[name].span
+            if len(x[part]) < LEAST * TURNS and np.ptp(y[part]) > FAST * (high - low):
+                self.seldom.append(name)
+            else:
                 self.close[name] = x[part], y[part]
         return column
 

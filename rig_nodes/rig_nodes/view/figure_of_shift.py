@@ -18,6 +18,7 @@ import numpy as np
 
 from ..analysis import (
     FILL,
+    INERTIA,
     INTERRUPTED,
     LEAST_TORQUE,
     MET,
@@ -27,6 +28,7 @@ from ..analysis import (
     RPM,
     SWING,
     TIED,
+    TORQUE,
     TORQUE_SPEED_MEAN,
     UNDECIDED,
     asked_of_input,
@@ -165,14 +167,24 @@ def stretches_of(row: Mapping, box: Transmission) -> list[Stretch]:
     names = " and ".join(clutch.name for clutch in box.shift(row["from_gear"], row["to_gear"]).engaging)
     parts = [(one.name, one.start, one.end) for one in phases_of(row)]
     parts += [(SETTLING, one.start, one.end) for one in times_of(row) if one.name == "t_o"]
-    found = []
+    found, lengths = [], _lengths_of(row)
     for kind, start, end in parts:
-        ms, word = f"{1e3 * (end - start):.0f} ms", kind.removesuffix(" phase")
+        ms, word = f"{lengths[kind]} ms", kind.removesuffix(" phase")
         whole = f"fill of {names}" if kind == FILL else f"{kind}: no clutch carries" if kind == INTERRUPTED else kind
         texts = (f"{whole} {ms}", f"{kind} {ms}", f"{word} {ms}", f"{word}\n{ms}", ms.removesuffix(" ms"))
         first, last = (1e3 * (t - row["t_order_s"]) for t in (start, end))
         found.append(Stretch(kind, texts, first, last))
     return found
+
+
+def _lengths_of(row: Mapping) -> dict[str, int]:
+    """Return the lengths of the phases [ms] as the table rounds its times; the torque phase, which that has not, is the rest."""
+    keys = "kiss_s", "departure_s", "interrupted_s", "t_p_s", "t_c_s", "t_o_s"
+    fill, departure, interrupted, t_p, t_c, t_o = (round(1e3 * (row.get(key) or 0.0)) for key in keys)
+    if row.get("t_p_s") is not None:
+        departure = t_c - t_p
+    inertia = t_c - departure - interrupted
+    return {FILL: fill, TORQUE: max(0, departure - fill), INTERRUPTED: interrupted, INERTIA: inertia, SETTLING: t_o}
 
 
 def marks_of(row: Mapping, box: Transmission) -> list[Moment]:
@@ -396,7 +408,7 @@ class _Shift:
         commands = self.commands()
         if scale := self.current_scale(curves, commands):
             current, share = scale
-            note = f"dashed: command,\n{current:.0f} mA = {current * share:.2f} MPa"
+            note = f"dashed: command\n{current:.0f} mA = {current * share:.2f} MPa"
             dashed = [Curve(one.signal, "", "", one.colour, DASHED, one.t, one.y * share) for one in commands.values()]
         full = max((self.level(one, 0.0) for one in curves), default=math.nan)
         rings = [peak for one in curves if (peak := self.overshoot(one, full))] if all(self.moved) else []
@@ -447,7 +459,7 @@ class _Shift:
             if (could := self.curve(clutch.signal("capacity"), "", self.colour(clutch), DOTTED)) is not None:
                 limits.append(replace(could, y=sign * abs(lever) * could.y, scales=False))
         hatches = [hatch for clutch, _ in self.roles() if clutch.name in carried for hatch in self.braking(clutch, carried)]
-        note = "at the input shaft;\ndotted: what it could carry" if limits else "at the input shaft"
+        note = "at the input shaft\ndotted: capacity" if limits else "at the input shaft"
         return Panel("clutch torque", "Nm", (*carried.values(), *limits), hatches=tuple(hatches), note=note)
 
     def lever(self, clutch: Clutch) -> float | None:
@@ -479,8 +491,9 @@ class _Shift:
         if released and tied and abs(worst) < TIED * max(map(abs, tied)):
             return []
         word = f"tie-up: {clutch.name} still brakes" if released else f"{clutch.name} brakes"
-        text = f"{word} with up to {abs(worst):.0f} Nm"
-        return [Hatch(own.t[part], np.where(sign * own.y[part] < 0.0, own.y[part], 0.0), text)]
+        most = f"{abs(worst):.0f} Nm"
+        texts = f"{word} with up to {most}", f"{clutch.name} brakes, {most}"
+        return [Hatch(own.t[part], np.where(sign * own.y[part] < 0.0, own.y[part], 0.0), *texts)]
 
     def shafts(self, what: str) -> list[Curve | None]:
         """Return the speeds or the torques of both shafts."""
@@ -493,7 +506,7 @@ class _Shift:
         rings, levels = [], []
         asked = asked_of_input(row, box)
         if asked is not None and box.changes(row["from_gear"], row["to_gear"]):
-            levels.append(Level(asked, f"the load asks {asked:.0f} Nm of the input", False))
+            levels.append(Level(asked, f"the load asks {asked:.0f} Nm of the input", False, f"load {asked:.0f} Nm"))
             ratio = (verdicts_in(self.report)[self.number - 1] or {}).get("peak_ratio")
         else:
             ratio = None

@@ -35,21 +35,20 @@ class Labels:
         known = np.isfinite(y)
         if known.sum() < 2:
             return
-        x, y = x[known], y[known]
+        x, least, most = _outline(x[known], y[known])
         edges = np.searchsorted(x, np.arange(self.width + 1))
-        middle = np.interp(columns, x, y)
-        low, high = np.minimum(middle, np.roll(middle, 1)), np.maximum(middle, np.roll(middle, 1))
-        low[0] = high[0] = middle[0]
+        low, high = np.interp(columns, x, least), np.interp(columns, x, most)
+        low[1:], high[1:] = np.minimum(low[1:], low[:-1]), np.maximum(high[1:], high[:-1])
         filled = np.flatnonzero(edges[1:] > edges[:-1])
         if len(filled):
             heads = edges[filled]
-            low[filled] = np.minimum(low[filled], np.minimum.reduceat(y[: edges[-1]], heads))
-            high[filled] = np.maximum(high[filled], np.maximum.reduceat(y[: edges[-1]], heads))
+            low[filled] = np.minimum(low[filled], np.minimum.reduceat(least[: edges[-1]], heads))
+            high[filled] = np.maximum(high[filled], np.maximum.reduceat(most[: edges[-1]], heads))
         rows = np.arange(self.height)[:, None]
         self._soft[(rows >= low - 1.5) & (rows <= high + 1.5) & (columns >= x[0]) & (columns <= x[-1])] = CURVE
         inside = np.flatnonzero((x >= 0) & (x < self.width))
         if len(inside):
-            for at in (inside[int(y[inside].argmin())], inside[int(y[inside].argmax())]):
+            for y, at in ((least, inside[int(least[inside].argmin())]), (most, inside[int(most[inside].argmax())])):
                 self.keep_free(x[at] - EXTREME, y[at] - EXTREME, x[at] + EXTREME, y[at] + EXTREME)
         self._sums = None
 
@@ -127,6 +126,20 @@ class Labels:
         self.keep_free(x - BESIDE, y - ROOM, x + width + BESIDE, y + height + ROOM)
 
 
+def _outline(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return growing x of a curve (n,) and its lowest and highest y there: of one that turns back, pixel by pixel."""
+    if (np.diff(x) >= 0.0).all():
+        return x, y, y
+    passed = np.cumsum(np.append(0.0, np.maximum(1.0, np.ceil(np.abs(np.diff(x))))))
+    every = np.arange(passed[-1] + 1.0)
+    x, y = np.rint(np.interp(every, passed, x)), np.interp(every, passed, y)
+    columns, place = np.unique(x, return_inverse=True)
+    least, most = np.full(len(columns), np.inf), np.full(len(columns), -np.inf)
+    np.minimum.at(least, place, y)
+    np.maximum.at(most, place, y)
+    return columns, least, most
+
+
 def along(
     x: np.ndarray, y: np.ndarray, size: tuple[float, float], room: tuple[int, int], best: float, gaps: tuple[int, ...] = NEARBY
 ) -> np.ndarray:
@@ -149,11 +162,11 @@ def along(
     known = np.isfinite(y)
     if known.sum() < 2:
         return np.empty((0, 3))
-    x, y = x[known], y[known]
+    x, least, most = _outline(x[known], y[known])
     left = np.arange(ROOM + 1.0, room[0] - width - ROOM, STEP)
     left = left[(left <= x[-1]) & (left + width >= x[0])]
-    under = np.interp(left[:, None] + np.linspace(0.0, width, 9), x, y)
-    low, high = under.min(axis=1), under.max(axis=1)
+    under = left[:, None] + np.linspace(0.0, width, 9)
+    low, high = np.interp(under, x, least).min(axis=1), np.interp(under, x, most).max(axis=1)
     sideways = np.abs(left + 0.5 * width - best * room[0]) * 0.5 + high - low
     found = []
     for gap in gaps:

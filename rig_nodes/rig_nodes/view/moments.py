@@ -338,7 +338,7 @@ class MomentCurves:
                 rec.log(place, line, static=True)
                 rec.send_columns(place, [times(rr, t)], rr.Scalars.columns(scalars=self._shown(like, values)))
             for lane, bars in moment.lanes.items():
-                send_lane(rr, rec, f"{moment.root}/{lane}", bars, moment.end, width)
+                send_lane(rr, rec, f"{moment.root}/{lane}", bars, end, width)
             for title, height in self.heights.items():
                 send_marks(rr, rec, f"{moment.root}/{layout.mark_entity(title)}", moment.start, moment.marks, height)
 
@@ -363,7 +363,7 @@ def send_lane(rr: ModuleType, rec: RecordingStream, place: str, bars: list[tuple
         if following is None or following > part.end + 1e-4:
             at.append(part.end)
             states.append("beside" if following is None and beside else "")
-    looks["beside"] = (", ".join(beside), BEHIND)
+    looks["beside"] = (", ".join(one.replace(" phase", "").removesuffix(" ms") for one in beside) + " ms", BEHIND)
     kept = {state: look for state, look in looks.items() if state in states}
     values, (labels, colours) = list(kept), zip(*kept.values())
     colours = np.array([int.from_bytes(bytes(colour), "big") for colour in colours], np.uint32)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -52,12 +52,12 @@ from .facts import MADE, energy_rows, facts_of, problems_of
 from .figure_of_compare import figures_of_compare
 from .figure_of_shift import MOST
 from .page import Part, figures, lines, page, table, words
+from .pages import Pages
 
 if TYPE_CHECKING:
     from ..analysis import Comparison
     from .figure import Description
     from .page import Cell
-    from .pages import Pages
 
 ABREAST = 4  # shifts side by side in a table
 MOST_IN_TABLES = 24  # largest number of shifts whose metrics are on the page
@@ -219,7 +219,9 @@ def _shifts(report: Mapping, box: Transmission) -> list[Part]:
     if rows:
         limits = ", and the verdict on a limit" if judged else ""
         notes.append(f"Beside each value: its largest measuring error, where it is known{limits}.")
-    return [*parts, *words(notes, "note")]
+    known = [metric for metric in metrics if any(row.get(metric.key) is not None for row in rows[:MOST_IN_TABLES])]
+    meanings = table((), [[metric.named(box), metric.text] for metric in known], "text note")  # some differ in their time only
+    return [*parts, *words(notes, "note"), *meanings]
 
 
 def _by_shift(results: Sequence[Result], shifts: int, columns: int) -> list[Sequence[Result]]:
@@ -249,11 +251,23 @@ def _of_bench(report: Mapping) -> list[tuple[str, list[Part]]]:
     ]
     tests = report["bench"].get("slip_tests")
     parts = [*table(["result", "value", "unit"], rows), *(lines(bench_lines(report["bench"])) if tests else [])]
+    words_of = _words_of(report)
     numbers = [
-        [row["signal"], *(f"{row[key]:z.4g}" for key in ("lowest", "mean", "highest")), row["unit"]]
+        [_named(words_of, row["signal"]), *(f"{row[key]:z.4g}" for key in ("lowest", "mean", "highest")), row["unit"]]
         for row in report.get("signals", [])
     ]
     return [("Results", parts), ("Signals", table(["signal", "lowest", "mean", "highest", "unit"], numbers))]
+
+
+def _words_of(report: Mapping) -> Callable[[str], str]:
+    """Return what gives a signal its words; without a record of the rig it keeps its name."""
+    record = report["run"].get("configuration")
+    return Pages(record).words if record else str
+
+
+def _named(words_of: Callable[[str], str], name: str) -> str:
+    """Return the words of a signal with its name in small letters, by which it is found in a file."""
+    return name if words_of(name) == name else f"{words_of(name)}\n{name}"
 
 
 # ---- the rest
@@ -261,8 +275,11 @@ def _of_bench(report: Mapping) -> list[tuple[str, list[Part]]]:
 
 def _energy(report: Mapping, box: Transmission | None) -> list[Part]:
     if box is None:
+        words_of = _words_of(report)
         rows = [
-            [row["signal"], f"{row['last']:z.6g}", row["unit"]] for row in report.get("signals", []) if row["quantity"] == "energy"
+            [words_of(row["signal"]), f"{row['last']:z.6g}", row["unit"]]
+            for row in report.get("signals", [])
+            if row["quantity"] == "energy"
         ]
         return table(["at the end of the run", "value", "unit"], rows)
     accounts = [("run", report["energy"]["run"])]

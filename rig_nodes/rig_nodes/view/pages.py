@@ -225,9 +225,19 @@ class Pages:
             return self.plates[name].signal
         return self.rates[name][0] if name in self.rates else self.known.signal(name)
 
+    def words(self, name: str) -> str:
+        """Return what people call a signal: a device and its quantity, as ``shoe clutch torque``; others by their own name."""
+        if name in self.rates:
+            return f"d{self.rates[name][1]}/dt"
+        if not name.islower() or any(one.name == name for one in self.structure.transducers):
+            return name
+        owners = [one for one in self.structure.devices if name.startswith(f"{one.key}_")]
+        device = max(owners, key=lambda one: len(one.key), default=None)
+        return (device.called + name[len(device.key) :] if device else name).replace("_", " ")
+
     def label(self, name: str) -> str:
-        """Return the name of a curve in a legend: the signal's name with its unit."""
-        return f"{name} [{self.signal(name).display_unit}]"
+        """Return the name of a curve in a legend: the signal with its unit."""
+        return f"{self.words(name)} [{self.signal(name).display_unit}]"
 
     @cached_property
     def marked_plots(self) -> Plots:
@@ -275,7 +285,7 @@ class Pages:
         devices = [self._device_of(one) for one in signals]
         named = dict.fromkeys(device.called if device else self._role_of(one) for device, one in zip(devices, signals))
         what = _WORDS.get(quantity, quantity)
-        return f"{what.capitalize()} of {', '.join(named)}"
+        return f"{what.capitalize()} of {', '.join(named)}".replace("_", " ")
 
     def _there(self, names: Iterable[str]) -> tuple[str, ...]:
         return tuple(name for name in names if name in self.known.signals)

@@ -107,7 +107,7 @@ def lightened(image: bytes) -> bytes:
 
     colours = np.asarray(Image.open(io.BytesIO(image)).convert("RGB")).astype(np.int16)
     high, low = colours.max(axis=2, keepdims=True), colours.min(axis=2, keepdims=True)
-    vivid = (high - low > 80) & (high + low > 180)
+    vivid = (high - low > 80) & (high + low > 170)
     more = 255 - high - low
     turned = colours + np.where(vivid & (more > 0), 0, more)
     out = io.BytesIO()

@@ -47,7 +47,7 @@ class Plot:
         """Return title and signals of each plot on the pages of a rig."""
         if self.each is None:
             return [(self.title, self.names(pages))]
-        return [(self.title.format(called=one.called), self.names(pages, one)) for one in self.each(pages)]
+        return [(self.title.format(called=one.called.replace("_", " ")), self.names(pages, one)) for one in self.each(pages)]
 
 
 def _currents(pages: Pages) -> list[str]:
@@ -105,15 +105,9 @@ PLOTS = (
     Plot("Shaft speed", (RIGHT,), lambda pages: (*pages.shafts("speed"), *_setpoints(pages, parts.SOURCE))),
     Plot("Slip", (RIGHT,), _of_clutches("slip")),
     Plot("Heat in the clutches", (RIGHT,), _of_clutches("heat")),
-    Plot(
-        "Torque",
-        (BENCH_LEFT,),
-        lambda pages: (
-            *pages.measured(types=("torque",)),
-            *pages.each(_turning(pages), "torque"),
-            *_of_clutches("torque", "capacity")(pages),
-        ),
-    ),
+    Plot("Measured torque", (BENCH_LEFT,), lambda pages: pages.measured(types=("torque",))),
+    Plot("Torque of drive and load", (BENCH_LEFT,), lambda pages: pages.each(_turning(pages), "torque")),
+    Plot("Clutch torque", (BENCH_LEFT,), _of_clutches("torque", "capacity")),
     Plot("Speed", (BENCH_LEFT,), lambda pages: (*pages.measured(types=("speed",)), *_setpoints(pages, parts.SOURCE, parts.LOAD))),
     Plot("Pressure at {called}", (BENCH_LEFT,), lambda pages, one: pages.measured(at=one.name, types=("pressure",)), _turning),
     Plot(
