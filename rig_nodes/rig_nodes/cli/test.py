@@ -41,13 +41,13 @@ CHANCES = 2  # further runs of a file that failed
 WATCHED, NOT_JUDGED, NOTED = ("-p", "tests.machine", "-rs"), 80, "v/rig/not_judged"
 # Folders whose processes wait for each other with time limits run first; the number is that of their parts, each short
 # enough that the last one does not run alone for long.
-FIRST = {"graph": 2, "controllers": 5, "fmu": 1}
+FIRST = {"graph": 2, "controllers": 3, "fmu": 1}
 # The others only compute. They take what the first parts and the tests against the clock leave of the processor, at the
 # lowest priority that exists (SCHED_IDLE; a nice value is not enough). The longest should not run last, and those whose
 # processes have time limits too should not run first. Short folders form one part with others, because to start a part
-# costs three seconds.
-BESIDE = ("runs", "plant", "the rest", "view", "rigs", "api", "rig", "engine", "bags", "tune", "analysis")
-WITH = {"validation": "tune"}  # folder -> the part of another one to which it belongs
+# costs four seconds: everything is imported, and the compiled rigs are read.
+BESIDE = ("runs", "plant", "the rest", "view", "rigs", "rig", "bags", "api")
+WITH = {"engine": "plant", "tune": "bags", "validation": "bags", "analysis": "bags"}  # folder -> the part to which it belongs
 MOST_PARTS = 4  # at a time; each takes up to 1 GB, and spends a part of its time waiting for its own processes
 # What `rig test --quick` runs: no ROS, and no more compiling than HydmAG needs.
 QUICK = (
