@@ -8,6 +8,7 @@ import json
 import pytest
 
 from rig_nodes.cli.main import main
+from rig_nodes.runs import conformance
 from rig_nodes.runs.conformance import Check
 
 from .conftest import ALFA46_C, PYTHON, C
@@ -65,7 +66,9 @@ def test_the_reference_passes(capsys, spec):
         ),
     ],
 )
-def test_each_fault_is_found_by_its_item(tmp_path, config, what, item, sentence):
+def test_each_fault_is_found_by_its_item(tmp_path, config, monkeypatch, what, item, sentence):
+    # long enough for each fault; the references above have the whole length
+    monkeypatch.setattr(conformance, "DESK_SAMPLES", 1600)
     path = tmp_path / "mine.py"
     path.write_text(HEAD.replace("WHAT", what))
     found = next(found for found in Check(f"python:{path}:Mine", config).items() if found.name == item)
