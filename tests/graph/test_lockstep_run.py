@@ -114,7 +114,8 @@ def test_a_controller_that_dies_in_lockstep_trips_at_once(tmp_path):
     [
         (("--speed", "0"), "expected a number above 0 or max"),
         (("--speed", "fast"), "expected a number above 0 or max"),
-        (("--step-timeout", "-1"), "expected a number above 0"),
+        (("--step-timeout", "-1"), "expected seconds above 0, e.g. 0.2, or none"),
+        (("--step-timeout", "200 ms"), "expected seconds above 0"),
         (("--controller", "c:none.so"), "none.so"),
         (("--delay", "0"), "in real time time passes while the controller computes"),
     ],
