@@ -101,13 +101,15 @@ class Places(NamedTuple):
     between: int  # (m,) mean friction torque over the sub-step
     lag: int  # (n,) integral of the speed times the share of the step, from -1/2 to 1/2 [rad]
     swing: int  # (s,) integral of the twists over the step [rad s]
-    nodes: int  # (2, 2 n, n), and the rest up to `during` with shafts only: in place of h for each pair of eigenvalues
+    nodes: int  # (2, 2 n, n), and the rest up to `bent` with shafts only: in place of h for each pair of eigenvalues
     solve: int  # (2 n, 2 n) scratch of make_nodes
     z: int  # (4, n) real and imaginary parts of both z
     mean: int  # (n,) mean of the change of speed
     twice: int  # (n,) mean of its integral
     moment: int  # (n,) mean of it times the share of the time
     during: int  # (n,) mean force
+    made: int  # (s, 2) stiffness and damping of each shaft for which `nodes` were made
+    bent: int  # (s, 9) of each shaft that follows a table, by driveline.bent_shafts
     rho: int  # (k, n) torque of each loss by a force
     by_speed: int  # (k, n) the same by a speed, for elements with drag
     given: int  # (k,) torque on which each loss depends, without any loss
@@ -132,7 +134,8 @@ def places(n: int, m: int, s: int, k: int) -> Places:
     nodes = lag + n + s
     own = n if s > 0 else 0
     z = nodes + 8 * own * own
-    rho = z + 8 * own
+    made = z + 8 * own
+    rho = made + 11 * s
     given = rho + 2 * k * n
     row = given + k + k * k + k * (k + 2)
     return Places(
@@ -170,6 +173,8 @@ def places(n: int, m: int, s: int, k: int) -> Places:
         z + 5 * own,
         z + 6 * own,
         z + 7 * own,
+        made,
+        made + 2 * s,
         rho,
         rho + k * n,
         given,

@@ -133,6 +133,8 @@ def make_nodes(d: float, structure: Structure, cap: Floats, work: Floats) -> Non
     at = places(n, m, sh.shape[0], int(0))
     keep_drag(d, w, cap, work, at)
     work[1], work[2], work[3] = work[0], d, 1.0
+    for a in range(sh.shape[0]):
+        work[at.made + 2 * a], work[at.made + 2 * a + 1] = kc[0, a], kc[1, a]
     for i in range(n * n):
         work[at.a + i] = work[at.b + i] = 0.0
     for f in range(m):
@@ -204,16 +206,21 @@ def push_back(gain: int, twist: int, factor: float, to: int, structure: Structur
 
 
 @njit(**INLINED)
-def change_by_nodes(d: float, structure: Structure, cap: Floats, mode: Ints, work: Floats, at: Places) -> None:
-    """Set the change of the speeds over a part d, and slips and torques at its end and their means."""
-    w, n = structure.w, structure.w.shape[1]
-    solve_nodes(d, at.force, at.dforce, work, at, n)
+def forces_by_nodes(d: float, structure: Structure, cap: Floats, work: Floats, at: Places) -> None:
+    """Add to the change of the forces over a part d what follows from that of the speeds, and set the mean forces."""
+    n = structure.w.shape[1]
     put_sum(TWICE, d, at.twice, work, at, n)
     put_sum(MOMENT, 1.0, at.moment, work, at, n)
     for j in range(n):
         work[at.during + j] = work[at.force + j] + 0.5 * work[at.dforce + j]
     push_back(at.mean, at.twice, 1.0, at.during, structure, cap, work)
     push_back(at.dv, at.mean, d, at.dforce, structure, cap, work)
+
+
+@njit(**INLINED)
+def elements_by_nodes(w: Floats, mode: Ints, work: Floats, at: Places) -> None:
+    """Set slips and torques of the elements at the end of a part, and their mean torques."""
+    n = w.shape[1]
     for f in range(w.shape[0]):
         work[at.slip1 + f] = work[at.slip0 + f] + sum_at(work, at.dv, w, f)
         if mode[f] == STUCK:

@@ -55,7 +55,16 @@ from rig_nodes.driveline.algebra import (
     unslip,
 )
 from rig_nodes.driveline.begin import begin_step, mark
-from rig_nodes.driveline.collocation import change_by_nodes, fastest_rate, losses_by_nodes, make_nodes, part_of, take_by_nodes
+from rig_nodes.driveline.collocation import (
+    elements_by_nodes,
+    fastest_rate,
+    forces_by_nodes,
+    losses_by_nodes,
+    make_nodes,
+    part_of,
+    solve_nodes,
+    take_by_nodes,
+)
 from rig_nodes.driveline.joint import carried, jammed, resolve, stop
 from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, brakes, end_losses, put_last, put_losses, worst_of
 
@@ -127,7 +136,7 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
 
 @njit(**INLINED)
 def start_forces(x: float, structure: Structure, loads: Loads, state: State, at: Places) -> float:
-    """Set forces, accelerations, slips and torques at the start of a sub-step, share x of the step; return the pattern.
+    """Set forces, slips and torques of slipping elements at the start of a sub-step, share x of the step; return the pattern.
 
     The pattern is the number of the set of stuck elements, for which P and R are computed.
     """
@@ -161,11 +170,16 @@ def start_forces(x: float, structure: Structure, loads: Loads, state: State, at:
         for f in range(m):
             work[at.state + f] = mode[f]
         project(structure.minv, w, at.state, work)
+    return pattern
+
+
+@njit(**INLINED)
+def answer_forces(mode: Ints, n: int, work: Floats, at: Places) -> None:
+    """Set the accelerations of n speeds and the torques of stuck elements by the forces at the start of a sub-step."""
     multiply(work, at.p, at.force, at.accel, n)
-    for f in range(m):
+    for f in range(mode.shape[0]):
         if mode[f] == STUCK:
             work[at.torque0 + f] = sum_of(work, at.r + f * n, at.force, n)
-    return pattern
 
 
 @njit(**INLINED)
@@ -239,7 +253,9 @@ def change_speeds(d: float, structure: Structure, cap: Floats, state: State, at:
     """Set the change of the speeds over a sub-step of d, and the slips and torques of stuck elements at its end."""
     w, work, n = structure.w, state.work, state.v.shape[0]
     if structure.sh.shape[0] > 0:
-        change_by_nodes(d, structure, cap, state.mode, work, at)
+        solve_nodes(d, at.force, at.dforce, work, at, n)
+        forces_by_nodes(d, structure, cap, work, at)
+        elements_by_nodes(w, state.mode, work, at)
         return
     for i in range(n):
         total = 0.0
@@ -519,6 +535,7 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
             break
         put_last(loss, cap)
         pattern = start_forces(done / h, structure, loads, state, at)
+        answer_forces(state.mode, state.v.shape[0], work, at)
         longest = longest_part(h, pattern, structure, cap, work)
         span = Span(h, done, pattern, scale, longest, passes <= 6 * m + 12 and undecided <= UNDECIDED, at)
         d, hit, side, missed, shorter, jams = sub_step(span, structure, loads, loss, state)

@@ -20,6 +20,7 @@ import numpy as np
 from rig_nodes.base import ALLOCATES, INLINED, INNER, njit, types
 from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED, WORST, noinline, places
 from rig_nodes.driveline.bends import bend_inside, lets_go, longest_part
+from rig_nodes.driveline.bent_shafts import only_shafts, shaft_part
 from rig_nodes.driveline.calls import address_of, bare_step, call_of, step_types
 from rig_nodes.driveline.joint import JAMMED
 from rig_nodes.driveline.laws import GEARING, MOTION, SHAFT, Given, Laws, LawState, Model, Moving, law_state, laws_of
@@ -63,16 +64,35 @@ def resolved(laws: Laws, own: LawState, minv: Floats, v: Floats, left: float, h:
     return part if part >= left else left / math.ceil(left / part * (1.0 - 1e-9))
 
 
+@njit(**INNER)
+def shafts_until(model: Model, given: Given, moving: Moving, h: float, done: float) -> float:
+    """Take a part of a step like `shaft_part`, of any length; it is compiled once for both callers."""
+    noinline()
+    return shaft_part(h, done, False, model.structure, model.laws, given.loads, moving)
+
+
 @njit(**ALLOCATES)
-def law_step(model: Model, given: Given, moving: Moving, h: float, t: float) -> bool:
-    """Take a step of h from t like `driveline_step`, with laws; return False where a law was not met."""
+def law_step(model: Model, given: Given, moving: Moving, h: float, t: float, done: float) -> bool:
+    """Take what is left of a step of h from t like `driveline_step`, with laws; return False where a law was not met."""
     noinline()
     met = True
     state, n, slots = moving.state, moving.state.v.shape[0], model.structure.sh.shape[0]
     lag, turned = np.zeros(n), np.empty(n)
     at = places(n, state.mode.shape[0], slots, moving.loss.shape[0])
-    done, size, cuts, most, failed = 0.0, h, 0, 6 * moving.state.mode.shape[0] + 12, 0
+    size, cuts, most, failed = h, 0, 6 * moving.state.mode.shape[0] + 12, 0
+    # at the start of the step the shafts alone have been tried already
+    plain, tried = only_shafts(model.laws, moving.loss), done == 0.0
+    if done > 0.0:
+        for j in range(n):
+            lag[j] = state.work[at.lag + j]
     while done < h:
+        reached = shafts_until(model, given, moving, h, done) if plain and not tried else done
+        tried = False
+        if reached > done:
+            for j in range(n):
+                lag[j] += state.work[at.lag + j]
+            done = reached
+            continue
         left = h - done
         d = min(size, resolved(model.laws, moving.own, model.structure.minv, moving.state.v, left, h))
         if d >= left * (1.0 - 1e-9):
@@ -268,7 +288,7 @@ def settle(model: Model, given: Given, moving: Moving, d: float, t: float) -> No
     x = copied(state)
     aside = State(x.v, x.twist, x.mode, x.el, x.shaft, x.e_in, np.zeros((0, 3)), np.zeros(3, np.int64), x.work)
     copy = LawState(own.at.copy(), own.torque.copy(), own.spring.copy(), own.way.copy(), own.work.copy())
-    law_step(model, Given(loads, factors), Moving(moving.loss, aside, copy), d, t)
+    law_step(model, Given(loads, factors), Moving(moving.loss, aside, copy), d, t, 0.0)
     state.work[1] = -1.0
 
 
@@ -291,7 +311,7 @@ def differ(one: float, other: float) -> bool:
     return one != other and not abs(one - other) <= 1e-9 * (1.0 + min(abs(one), abs(other)))
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
+@njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
 def settled_step(model: Model, given: Given, moving: Moving, h: float, t: float, fresh: bool) -> int:
     """Take a step like `law_step`; where inputs have jumped (fresh), recompute the losses by torque before it.
 
@@ -299,9 +319,12 @@ def settled_step(model: Model, given: Given, moving: Moving, h: float, t: float,
     """
     if moving.loss.shape[0] > 0 and fresh:
         settle(model, given, moving, 1e-6 * h, t)
+    done = shafts_until(model, given, moving, h, 0.0) if only_shafts(model.laws, moving.loss) else 0.0
+    if done == h:
+        return int(0)
     count = moving.state.count
     capped = count[N_CAPPED] + 1
-    law_step(model, given, moving, h, t)
+    law_step(model, given, moving, h, t, done)
     count[N_CAPPED] = min(count[N_CAPPED], capped)
     return int(0)
 
@@ -346,7 +369,7 @@ def run_laws(settled: int, model: Model, given: Given, moving: Moving, t: Floats
     """Take a step of each length h from each time t and record the state after it; settled is an address."""
     q, cap, own = given.loads.q, given.loads.cap, moving.own
     for i in range(q.shape[0]):
-        fresh = i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1])
+        fresh = moving.loss.shape[0] > 0 and (i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1]))
         now = Given(Loads(q[i], cap[i]), given.factors[i])
         settled_step_at(settled, model, now, moving, h[i], t[i], fresh)
         put_row(rows, i, moving.state)

@@ -206,7 +206,7 @@ def laws_of(laws: Sequence[Law], n: int) -> Laws:
     second = [arguments.get(one.name, -1) if one.kind in (CAPACITY, TORQUE, TEETH) else -1 for one in laws]
     of, on = (np.array([getattr(one, name) for one in laws], float).reshape(len(laws), n) for name in ("of", "on"))
     springs = [spring for one in laws for spring in one.springs]
-    tables, curves = [one.table for one in laws], []
+    tables, curves = [_straightened(one.table) if one.kind == SHAFT and one.gap == 0.0 else one.table for one in laws], []
     for k in arguments.values():
         tables[k] = tables[k]._replace(y=tables[k].y + len(laws) + len(curves))
         curves += laws[k].curves
@@ -225,6 +225,13 @@ def laws_of(laws: Sequence[Law], n: int) -> Laws:
         np.array(springs, float).reshape(-1, 2),
         tables_of(tables + curves),
     )
+
+
+def _straightened(table: Table) -> Table:
+    """Return a table without the points at which its slope does not change."""
+    slopes = np.diff(table.y) / np.diff(table.x)
+    kept = np.concatenate([[True], np.abs(np.diff(slopes)) > 1e-12 * np.abs(slopes).max(), [True]])
+    return table._replace(x=table.x[kept], y=table.y[kept])
 
 
 def law_state(laws: Sequence[Law]) -> LawState:

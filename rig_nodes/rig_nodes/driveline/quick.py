@@ -1,8 +1,9 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One step of a driveline with laws, lossy meshes or inputs over time, without shafts, in which no mode changes.
+"""One step of a driveline with laws, lossy meshes or inputs over time, in which no mode changes.
 
+With shafts it is taken only where their tables are the only laws, by driveline/bent_shafts.py; the rest is for drivelines without.
 The engine calls it before driveline/driven.py, which takes the steps that this one leaves. The equations are those of
 driveline/law_steps.py. Where that module repeats a step, this one uses Newton's method: the slope of every law over the
 step is in the matrix, also where a law acts on other speeds than those that it depends on. A law that stays on one straight piece
@@ -14,7 +15,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from rig_nodes.base import INLINED, njit, types
+from rig_nodes.base import INLINED, INNER, njit, types
 from rig_nodes.driveline.algebra import (
     BACKWARD,
     E_FRIC,
@@ -30,21 +31,26 @@ from rig_nodes.driveline.algebra import (
     LO1,
     OPEN,
     STUCK,
+    TAU,
     VISC,
     eliminate,
     has_capacity,
+    noinline,
     places,
     project,
+    rate_of,
     short_loops,
     sum_at,
 )
+from rig_nodes.driveline.bent_shafts import only_shafts, shaft_part
 from rig_nodes.driveline.calls import address_of
 from rig_nodes.driveline.driven import FACTOR, LIMIT
 from rig_nodes.driveline.inputs import SAME
 from rig_nodes.driveline.law_steps import jumped
-from rig_nodes.driveline.laws import CAPACITY, FRICTION, INERTIA
+from rig_nodes.driveline.laws import CAPACITY, FRICTION, INERTIA, Moving
 from rig_nodes.driveline.losses import BEFORE, LAST, NEXT, ON, OWN, brakes, end_losses, put_losses
 from rig_nodes.driveline.losses import FACTOR as PER_LOSS
+from rig_nodes.driveline.motion import work_over
 from rig_nodes.driveline.quick_laws import (
     ACCEL,
     CURVED,
@@ -464,6 +470,40 @@ def quick_of(layout: Ints, h: float) -> Quick:
     )
 
 
+@njit(**INNER)
+def quick_shafts(layout: Ints, h: float, t: float) -> int:
+    """Take a step like :func:`quick_step` of a driveline without losses that has shafts, and no laws but their tables."""
+    noinline()
+    short_loops()
+    given, parts, state, room = structure_at(layout), loads_at(layout), state_at(layout), room_at(layout)
+    loads, turned, n, slots = Loads(room.q_now, room.cap_given), room.by_speed, layout[0], layout[2]
+    for j in range(n):
+        loads.q[0, j], loads.q[1, j], turned[0, j] = parts.q[0, j], parts.q[1, j], state.twist[slots + j]
+    for f in range(state.mode.shape[0]):
+        for row in range(7):
+            loads.cap[row, f] = parts.cap[row, f]
+    if not put_inputs(over_time_at(layout), h, t, loads, room.by_input):
+        return int(0)
+    moving = Moving(loss_at(layout), state, own_at(layout))
+    if shaft_part(h, 0.0, True, given, laws_at(layout), loads, moving) < h:
+        return int(0)
+    before, outcome, at = before_at(layout), outcome_at(layout), places(n, state.mode.shape[0], slots, int(0))
+    for j in range(n):
+        before.q[j] = turned[1, j] = loads.q[1, j]
+        outcome.part_work[0] += work_over(parts.q, j, state.twist[slots + j] - turned[0, j], state.work[at.lag + j])
+    for f in range(state.mode.shape[0]):
+        push = state.el[LAM, f] + loads.cap[VISC, f] * rate_of(given.w, f, state.v)
+        for j in range(n):
+            turned[1, j] -= given.w[f, j] * push
+    for a in range(slots):
+        for j in range(n):
+            turned[1, j] -= given.sh[a, j] * state.shaft[TAU, a]
+    for i in range(n):
+        outcome.accel[i] = dot(given.minv, i, turned, int(1))
+    room.made[0] = 1.0
+    return int(1)
+
+
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False, _nrt=False)
 def quick_step(layout: Ints, h: float, t: float) -> int:
     """Take a step h from t like `driven_step` on a driveline's record, if no event can happen in it.
@@ -478,8 +518,8 @@ def quick_step(layout: Ints, h: float, t: float) -> int:
     Returns
     -------
     int
-        1 when the step is done. 0 with shafts, and when an event is possible: a change of mode, a point of an input over time, a
-        prescribed motion. Then no state has changed, and `driven_step` has to be called.
+        1 when the step is done. 0 with shafts beside laws or losses, and when an event is possible: a change of mode, a point of
+        an input over time, a prescribed motion. Then no state has changed, and `driven_step` has to be called.
     """
     short_loops()
     before, made, loads, outcome = before_at(layout), room_at(layout).made, loads_at(layout), outcome_at(layout)
@@ -487,6 +527,8 @@ def quick_step(layout: Ints, h: float, t: float) -> int:
     made[0] = 0.0
     if before.begun[0] == 0.0:
         return int(0)
+    if layout[2] > 0 and only_shafts(laws_at(layout), loss_at(layout)):
+        return quick_shafts(layout, h, t)
     q = quick_of(layout, h)
     work, at, n = q.state.work, q.at, q.by_speed.shape[1]
     tol = 1e-12 * start(layout, h, t, q, before)
