@@ -85,10 +85,13 @@ FRICTION = {
 }
 LIGHT, BREAK = {"input_shaft.damping": "1.5 Nm s/rad"}, {"plate_pack.break_slip": "1 mm"}
 DRAIN = {"valve_zr_p2.drain_bore_area": "0.22 mm2"}
+# Annex D's end of p2 asks for 0.89 mm2 with the drain's bore (`rig calculate drains`).
+BACK = {"clutch_s1.return_area": "0.72 mm2", "clutch_s2.return_area": "0.72 mm2"}
 STRUCTURES = {
     "rigid input shaft": Structure(rig=RIGID),
     "drain bore of ZR-P2 0.22 mm2": Structure(DRAIN),
     "break-away within 0.8 mm of slip, friction calibrated": Structure(FRICTION),
+    "way back of 0.72 mm2 behind the pack": Structure(BACK),
     "shaft of 4 % of critical": Structure(LIGHT),
     "4 %, break-away within 1 mm": Structure({**LIGHT, **BREAK}),
     "4 %, break-away, drain bore of ZR-P2 0.22 mm2": Structure({**LIGHT, **BREAK, **DRAIN}),

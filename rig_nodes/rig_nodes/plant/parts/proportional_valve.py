@@ -309,13 +309,44 @@ def narrowest(edge: float, bore: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)
+def orifice(area: float, drop: float, full: float, speed: float, laminar: float) -> tuple[float, float]:
+    """Return the flow of an opening and its derivative by the pressure drop, by the orifice law Q = A sqrt(2 dp / rho).
+
+    Below the pressure drop at which the flow becomes laminar, Q is proportional to dp.
+
+    Parameters
+    ----------
+    area : float
+        Area of the opening [m2], with the discharge coefficient.
+    drop : float
+        Pressure drop [Pa].
+    full : float
+        Area from which the limit of laminar flow is computed [m2].
+    speed : float
+        Value of :func:`orifice_speed`.
+    laminar : float
+        Value of :func:`laminar_force`.
+
+    Returns
+    -------
+    tuple of float
+        Flow [m3/s] and its derivative [m3/(s Pa)].
+    """
+    below = max(STEEPEST, laminar / full)
+    if drop == 0.0:  # mostly an empty line; this avoids the square roots below, which take long
+        return 0.0, area * (speed / sqrt(below))
+    square = drop * drop + below * below
+    root = speed / sqrt(sqrt(square))
+    return area * drop * root, area * root * (1.0 - 0.5 * drop * drop / square)
+
+
+@njit(cache=True, error_model="numpy", forceinline=True)
 def port_flow(
     share: float, port_pressure: float, supply_pressure: float, speed: float, laminar: float, valve: Record
 ) -> tuple[float, float]:
-    """Return the flow to the clutch and its derivative by port pressure, by the orifice law Q = A sqrt(2 dp / rho).
+    """Return the flow to the clutch and its derivative by port pressure, by :func:`orifice`.
 
-    Below the pressure drop at which the flow becomes laminar, Q is proportional to dp. No oil flows back into a supply whose
-    pressure is lower than the port's (check valve in the line P).
+    No oil flows back into a supply whose pressure is lower than the port's (check valve in the line P).
 
     Parameters
     ----------
@@ -339,19 +370,13 @@ def port_flow(
         return 0.0, 0.0
     area = edge_area(share, valve)
     if share > 0.0:
-        drop, sign, full = supply_pressure - port_pressure, 1.0, narrowest(valve.orifice_area, valve.supply_bore_area)
+        drop = supply_pressure - port_pressure
         if drop <= 0.0:
             return 0.0, 0.0
-    else:
-        drop, sign, full = port_pressure, -1.0, narrowest(valve.drain_area, valve.drain_bore_area)
-    below = max(STEEPEST, laminar / full)
-    if drop == 0.0:  # mostly an empty line; this avoids the square roots below, which take long
-        return 0.0, -area * (speed / sqrt(below))
-    square = drop * drop + below * below
-    root = speed / sqrt(sqrt(square))
-    flow = area * drop * root
-    slope = area * root * (1.0 - 0.5 * drop * drop / square)
-    return sign * flow, -slope
+        flow, slope = orifice(area, drop, narrowest(valve.orifice_area, valve.supply_bore_area), speed, laminar)
+        return flow, -slope
+    flow, slope = orifice(area, port_pressure, narrowest(valve.drain_area, valve.drain_bore_area), speed, laminar)
+    return -flow, -slope
 
 
 @njit(cache=True, error_model="numpy", forceinline=True)

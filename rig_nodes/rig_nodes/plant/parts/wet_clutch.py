@@ -16,7 +16,7 @@ from ...base import INLINED, njit, param
 from . import plates
 from .part import BODY, CLUTCH, NOWHERE, Part, Shown, Wire
 from .plates import PackFriction, PlatePack
-from .proportional_valve import fed, laminar_force, leak, line_flow, orifice_speed
+from .proportional_valve import fed, laminar_force, leak, line_flow, orifice, orifice_speed
 
 if TYPE_CHECKING:
     from ...base import Record
@@ -68,6 +68,13 @@ class Cylinder(PackFriction):
     drain_time: float = param("time", 1e-3, 1e4, "Time constant with which the line runs empty", 1.0)
     hose_give: float = param(
         "volume per pressure", 0.0, 1e-9, "Volume by which the hose and air in it give way per pressure, beside the oil itself", 0.0
+    )
+    return_area: float = param(
+        "area",
+        0.0,
+        1e-4,
+        "Area of the way from the line to the tank that opens beside the drained valve once the piston is off the pack; 0 for none",
+        0.0,
     )
 
 
@@ -267,6 +274,8 @@ class Volumes(NamedTuple):
         Laminar resistance of the feed [Pa s/m3].
     laminar : float
         Pressure drop times area below which the valve's flow is laminar [N].
+    way_back : float
+        Area of the opening to the tank beside the valve [m2].
     """
 
     start: float
@@ -278,10 +287,11 @@ class Volumes(NamedTuple):
     stiff_chamber: float
     laminar_drop: float
     laminar: float
+    way_back: float
 
 
 @njit(**INLINED)
-def volumes_of(cylinder: Record, port: Record, oil: Oil, h: float, clutch: Record) -> Volumes:
+def volumes_of(cylinder: Record, port: Record, state: Record, oil: Oil, h: float, clutch: Record) -> Volumes:
     """Return what the balance of a step h starts from; the parameters are those of :func:`cylinder_step`."""
     stiff_line, stiff_chamber = 1.5 * clutch.full_line, clutch.stiff_chamber
     # (3 p - 4 p0 + p00) / 2 h = 1.5 (p - (p0 + rise / 3)) / h
@@ -299,7 +309,9 @@ def volumes_of(cylinder: Record, port: Record, oil: Oil, h: float, clutch: Recor
     if is_stiff(cylinder.piston, half, oil.damping, clutch):
         half, per_half, start = h, 0.5 * per_half, cylinder.piston
     laminar_drop, laminar = oil.viscosity * clutch.feed_resistance, clutch.laminar * oil.viscosity * oil.viscosity
-    return Volumes(start, half, per_half, line_before, stiff_line, chamber_before, stiff_chamber, laminar_drop, laminar)
+    drained = state.share < 0.0 and state.cut == 0.0
+    way_back = -state.share * clutch.return_area if drained and cylinder.piston < clutch.clearance else 0.0
+    return Volumes(start, half, per_half, line_before, stiff_line, chamber_before, stiff_chamber, laminar_drop, laminar, way_back)
 
 
 @njit(**INLINED)
@@ -321,6 +333,9 @@ def balance(
     line = p + (of.laminar_drop + turbulent) * feed
     dline = 1.0 + (of.laminar_drop + 2.0 * turbulent) * dfeed
     flow, dflow = line_flow(state, line, oil.supply, clutch.orifice_speed, of.laminar, clutch.full_line, valve)
+    if of.way_back > 0.0:
+        back, dback = orifice(of.way_back, line, of.way_back, clutch.orifice_speed, of.laminar)
+        flow, dflow = flow - back, dflow - dback
     dflow *= dline
     miss = of.stiff_line * (line - of.line_before) + feed + oil.lost - flow
     return line, x, flow, dline, dx, dflow, miss, p - miss / (of.stiff_line * dline + dfeed - dflow)
@@ -358,7 +373,7 @@ def cylinder_step(cylinder: Record, port: Record, state: Record, oil: Oil, h: fl
     low, high = -0.1e6, inf
     rise = cylinder.chamber_rise if abs(cylinder.chamber_rise) > LEVEL else 0.0
     p = max(cylinder.chamber + rise, low)
-    of = volumes_of(cylinder, port, oil, h, clutch)
+    of = volumes_of(cylinder, port, state, oil, h, clutch)
     # In most steps there is one iteration only. It is written before the loop, because the compiler moves expressions that do not
     # change in the loop before it, where they would be computed in every step
     line, x, flow, dline, dx, dflow, miss, new = balance(p, of, oil, state, valve, clutch)
