@@ -40,7 +40,7 @@ def test_a_users_controller_is_named_with_its_state_and_its_own_signals(tmp_path
     try:
         browser.until("document.getElementById('state').textContent === 'ready'", 200)
         browser.until(f"Number({own}.textContent) > 10")  # it counts from 10 s before its start
-        assert browser.text("#controller-state").endswith("Box: answers the samples")
+        browser.until("document.getElementById('controller-state').textContent.endsWith('Box: answers the samples')")
         browser.click("[data-gear='1']")
         browser.until(f"Number({own}.textContent) < 10", 10)
         browser.until("[...document.querySelectorAll('#controller-list tr')].some((row) => row.innerText === 'gear\\tI')")

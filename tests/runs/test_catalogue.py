@@ -63,7 +63,7 @@ def test_every_setpoint_keeps_to_the_range_that_the_page_gives_it(rig):
         for value in (signal.low - 0.001, 1.001 * signal.high):
             with pytest.raises(RigError):
                 checks[topic.name](value)
-    assert "| /oil_supply/command | supply pressure of the clutch oil | Pa | 0 to 1e+07 | 0 to 10 MPa |" in markdown()
+    assert "| /oil_supply/command | supply pressure of the clutch oil | Pa | 0 to 10000000 | 0 to 10 MPa |" in markdown()
 
 
 def test_a_list_says_what_its_columns_are(capsys):

@@ -56,7 +56,7 @@ def test_the_record_has_it_where_it_is_another(runs):
             "logger_rate of 3 kHz does not fit the plant's step of 100 us; expected 1, 2, 5, 10 kHz",
         ),
         ({"instruments.logger_rate": "20 kHz"}, "does not fit the plant's step of 100 us"),
-        ({"instruments.logger_rate": "500 Hz"}, "outside 1000 to 1e"),
+        ({"instruments.logger_rate": "500 Hz"}, "outside 1000 to 1 000 000 Hz"),
         ({"instruments.logger_rate": "5 rpm"}, "frequency"),
     ],
 )
