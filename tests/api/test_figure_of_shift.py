@@ -178,7 +178,8 @@ def test_the_users_own_limits_are_those_of_the_figure(tmp_path, runs):
     row, first = report["shifts"][0], report["limits"][0]
     report["limits"].append(first | {"key": "e_loss_j", "low": None, "high": 100.0, "value": None, "verdict": "not found"})
     row["e_loss_j"] = None
-    of = figure_of_shift(report, 1, Pages(run.record), run.signals, run.signals.span)
+    of, alone = (figure_of_shift(report, 1, Pages(run.record), run.signals, run.signals.span, part) for part in (False, True))
+    assert "shift 1 at " in of.conditions and alone.conditions == of.conditions.replace("shift 1 at ", "at ")
     found = {one.key: (one.limit, one.met) for one in of.numbers}
     assert found["t_c_s"] == ("≤ 600", False) and found["overlap_s"] == ("≥ -50", None) and found["t_o_s"] == ("≤ 400", True)
     assert found["input_torque_high_nm"] == ("≥ 100 and ≤ 200", False) and found["e_loss_j"] == ("≤ 100", False)

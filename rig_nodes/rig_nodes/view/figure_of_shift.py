@@ -99,7 +99,7 @@ NUMBERS = {
 
 
 def figure_of_shift(
-    report: Mapping, number: int, pages: Pages, signals: Mapping[str, Series], span: tuple[float, float]
+    report: Mapping, number: int, pages: Pages, signals: Mapping[str, Series], span: tuple[float, float], part: bool = False
 ) -> Description:
     """Return the figure of a shift, in ms after its order.
 
@@ -115,6 +115,8 @@ def figure_of_shift(
         The signals of the run, not necessarily all of the rig.
     span : (float, float)
         First and last time of the run [s].
+    part : bool
+        Whether the report is of a part of a run, whose numbers of shifts are not those of the run.
 
     Returns
     -------
@@ -122,7 +124,7 @@ def figure_of_shift(
         The figure; panels of which nothing was recorded are left out.
     """
     assert pages.box is not None
-    return _Shift(report, number, pages, pages.box, signals, span).figure()
+    return _Shift(report, number, pages, pages.box, signals, span, part).figure()
 
 
 def figures_of_shifts(path: str, report: Mapping, pages: Pages, span: tuple[float, float]) -> list[Description]:
@@ -216,6 +218,7 @@ class _Shift:
     box: Transmission
     signals: Mapping[str, Series]
     span: tuple[float, float]
+    part: bool = False
 
     def figure(self) -> Description:
         title, grade, sentence = self.heading()
@@ -355,7 +358,7 @@ class _Shift:
         how = {"simulate": "simulated", "import": "imported"}.get(run.get("mode") or "", "")
         named = run.get("sequence") or ""
         of = ", ordered by hand" if named == NO_SEQUENCE else named and f" of {named}"
-        origin = [f"shift {self.number} at {row['t_order_s']:.3f} s{of}", how]
+        origin = [f"{'' if self.part else f'shift {self.number} '}at {row['t_order_s']:.3f} s{of}", how]
         origin += [f"seed {run['seed']}"] if run.get("seed") is not None else []
         return " · ".join(", ".join(str(one) for one in part if one) for part in (state, set_, origin) if part)
 

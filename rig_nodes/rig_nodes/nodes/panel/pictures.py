@@ -52,7 +52,7 @@ class Figures:
         if not report["shifts"]:
             return {}
         number = len(report["shifts"])
-        self._held[folder] = figure_of_shift(report, number, Pages(run.record), run.signals, run.signals.span)
+        self._held[folder] = figure_of_shift(report, number, Pages(run.record), run.signals, run.signals.span, True)
         while len(self._held) > MOST:
             del self._held[next(iter(self._held))]
         return told(run, report, self._held[folder].title)

@@ -231,8 +231,14 @@ at("rec-pause").onclick = () => order(link, at("rec-said"), "record", { what: at
 at("rec-split").onclick = () => order(link, at("rec-said"), "record", { what: "split_bagfile" }, { control: at("rec-split") });
 for (const [id, ending] of [["rec-bag", "bag.zip"], ["rec-report", "report.html"]]) {
   at(id).onclick = async () => {
-    say(at("rec-said"), "being made …", "asked");
+    const began = Date.now(); // a long recording takes a minute beside the running rig, and shows no size before its end
+    const wait = () => say(at("rec-said"), `${ending} is being made, ${Math.round((Date.now() - began) / 1000)} s …`, "asked");
+    const ticking = setInterval(wait, 1000);
+    wait();
+    for (const other of ["rec-bag", "rec-report"]) at(other).disabled = true;
     const { text, blob } = await fetched(`${ending}?name=${encodeURIComponent(at("rec-name").value)}`);
+    clearInterval(ticking);
+    for (const other of ["rec-bag", "rec-report"]) at(other).disabled = false;
     if (!blob) return say(at("rec-said"), text, "refused");
     const address = URL.createObjectURL(blob);
     make("a", { href: address, download: `${at("rec-name").value || "recording"}.${ending.split(".")[1]}` }).click();
