@@ -6,10 +6,13 @@
 import io
 import tracemalloc
 
+import pytest
+import zstandard
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from rig_nodes.bags.mcap_writer import McapWriter
+from rig_nodes.bags.pieces import pack
 
 CHUNK_BYTES = 20_000  # so small that one chunk is closed because of its size
 
@@ -47,6 +50,28 @@ def test_a_file_without_a_message_is_the_librarys_too():
     library.finish()
     McapWriter(ours, "ros2", "a test", CHUNK_BYTES).finish()
     assert ours.getvalue() == theirs.getvalue()
+
+
+def test_a_compressor_without_memory_is_a_lack_of_memory(monkeypatch, tmp_path):
+    """The command line has one sentence for that, and a traceback for what it does not know."""
+
+    class Full:
+        def compress(self, content):
+            raise zstandard.ZstdError("cannot compress: Allocation error : not enough memory")
+
+        def copy_stream(self, source, sink, size):
+            self.compress(source)
+
+    monkeypatch.setattr(zstandard, "ZstdCompressor", Full)
+    writer = McapWriter(io.BytesIO(), "ros2", "a test", CHUNK_BYTES)
+    channel = writer.register_channel("/topic", "cdr", writer.register_schema("a/msg/Type", "ros2msg", b"float64 value"), {})
+    writer.add_message(channel, 0, b"data", 0)
+    with pytest.raises(MemoryError, match="not enough memory"):
+        writer.finish()
+    (tmp_path / "a.mcap").write_bytes(b"whole")
+    with pytest.raises(MemoryError):
+        pack(tmp_path / "a.mcap")
+    assert [one.read_bytes() for one in tmp_path.iterdir()] == [b"whole"]
 
 
 def test_a_long_file_has_its_whole_index_and_the_writer_keeps_little_of_it(tmp_path):

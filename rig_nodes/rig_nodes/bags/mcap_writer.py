@@ -273,7 +273,10 @@ class McapWriter:
 
         What packs better than readers trust is stored as it is.
         """
-        packed, compression = self._compress(content), self._compression
+        try:
+            packed, compression = self._compress(content), self._compression
+        except zstandard.ZstdError as error:  # a compressor that has begun fails for lack of memory alone
+            raise MemoryError(str(error)) from error
         if len(packed) * limits.EXPANSION < len(content):
             packed, compression = bytes(content), b""
         return packed, compression, zlib.crc32(content)

@@ -157,6 +157,8 @@ def pack(file: Path) -> Path:
         with open(file, "rb") as source, open(part, "wb") as sink:
             zstandard.ZstdCompressor().copy_stream(source, sink, size=file.stat().st_size)
         part.replace(out)
+    except zstandard.ZstdError as error:  # as in bags.mcap_writer
+        raise MemoryError(str(error)) from error
     finally:
         part.unlink(missing_ok=True)
     file.unlink()
