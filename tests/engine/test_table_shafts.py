@@ -83,6 +83,7 @@ def test_a_shaft_turns_exactly_across_the_bends_of_its_table(form, stiffness, st
     assert np.abs(r.residual()).max() < 1e-9 * (np.abs(np.diff(r.e_in)).sum() + r.stored.max()) and r.capped == 0
 
 
+@pytest.mark.campaign
 def test_a_table_takes_at_most_three_times_as_long_as_its_straight_line():
     far, least = middle(1e4), [math.inf, math.inf]
     straight = two_bodies(stiffness=1e4)

@@ -3,6 +3,7 @@
 
 """README and docs: each command is understood, each file linked to is there, and the words written by hand keep to a budget."""
 
+import json
 import re
 import runpy
 import shlex
@@ -141,3 +142,10 @@ def test_the_page_of_requirements_has_each_file_of_tests_with_its_promise_and_it
 def test_no_made_page_is_kept():
     kept = subprocess.run(["git", "ls-files", "docs/made", "docs/_build"], cwd=ROOT, capture_output=True, text=True, check=True)
     assert kept.stdout == ""
+
+
+def test_the_readme_counts_the_rows_that_validation_stores():
+    summary = json.loads((ROOT / "docs" / "reference" / "validation.json").read_text(encoding="utf-8"))["summary"]
+    rows, inside = (sum(summary[kind][what] for kind in ("predicted", "calibrated")) for what in ("rows", "inside"))
+    assert f"Of {rows} independent results" in (text := (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert f"the model meets {inside} within" in text
