@@ -4,6 +4,7 @@
 """The rig's writer of MCAP files compared with that of the library: the same calls give the same bytes."""
 
 import io
+import threading
 import tracemalloc
 
 import pytest
@@ -72,6 +73,25 @@ def test_a_compressor_without_memory_is_a_lack_of_memory(monkeypatch, tmp_path):
     with pytest.raises(MemoryError):
         pack(tmp_path / "a.mcap")
     assert [one.read_bytes() for one in tmp_path.iterdir()] == [b"whole"]
+
+
+def test_all_threads_have_started_before_the_file_has_a_byte():
+    """Python waits for ever for a thread that gets no memory while it starts."""
+    threads = []
+
+    class File(io.BytesIO):
+        def write(self, data):
+            threads.append(set(threading.enumerate()))
+            return super().write(data)
+
+    before = set(threading.enumerate())
+    writer = McapWriter(File(), "ros2", "a test", CHUNK_BYTES)
+    channel = writer.register_channel("/topic", "cdr", writer.register_schema("a/msg/Type", "ros2msg", b"float64 value"), {})
+    for number in range(5):
+        writer.add_message(channel, number, bytes(CHUNK_BYTES), number)
+    writer.finish()
+    packers = [there - before for there in threads]
+    assert len(packers[0]) == 1 and all(there <= packers[0] for there in packers)
 
 
 def test_a_long_file_has_its_whole_index_and_the_writer_keeps_little_of_it(tmp_path):

@@ -78,6 +78,8 @@ class McapWriter:
         self._compression = COMPRESSION if packed else b""
         self._compress = zstandard.ZstdCompressor().compress if packed else bytes
         self._packer = ThreadPoolExecutor(1)  # packs and sums without Python's lock
+        # its thread starts before anything is recorded: Python waits for ever for a thread that gets no memory while it starts
+        self._packer.submit(zlib.crc32, b"").result()
         # closed chunks that are being packed: packed bytes, compression and CRC, size, index
         self._packing: deque[tuple[Future[tuple[bytes, bytes, int]], int, Index]] = deque()
         self._waiting = 0  # bytes of their content

@@ -158,6 +158,8 @@ class Rig(CommandedRig, ShownState):
         if self.shifts:
             self._law_config[:] = config.alfa46.law_config(config.transmission)
             self._law_profiles[:] = config.alfa46.profiles
+            # loaded before anything is recorded: LLVM aborts the process when it gets no memory for a function
+            law.order_gear.entry_for(0, self.sample, self._law_config[0], self._law_profiles, self._law_outputs, self._law_state[0])
 
     # ---- time
 
