@@ -14,6 +14,7 @@ import sqlite3
 import stat
 import subprocess
 import sys
+from base64 import b64decode
 from contextlib import closing
 from pathlib import Path
 
@@ -467,7 +468,8 @@ def test_the_figure_of_a_run_has_the_plots_of_the_page_and_shades_the_phases(run
 
 
 def test_what_a_notebook_shows(rig, run):
-    assert "<svg" in rig._repr_html_() and "gears: I 1.382, II 1.025" in repr(rig)
+    picture = re.search('src="data:image/svg[+]xml;base64,(.*?)"', rig._repr_html_())[1]
+    assert "<svg" in b64decode(picture).decode() and "gears: I 1.382, II 1.025" in repr(rig)
     assert "run demo of hydmag, simulated, 13.3 s, seed 1; ended: the sequence ended" in repr(run)
     assert "<table>" in run._repr_html_() and "data:image/png;base64" in run._repr_html_()
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from html import escape
 from numbers import Real
@@ -416,7 +417,10 @@ class Rig:
 
     def _repr_html_(self) -> str:
         lines = "".join(f"<p>{escape(line)}</p>" for line in repr(self).splitlines())
-        return f'<div>{lines}<div style="max-width:640px">{driveline_svg(self.config)}</div></div>'
+        # an image of its own, so that the picture's styles are not those of every picture in the notebook; wide ones scroll
+        source = f"data:image/svg+xml;base64,{b64encode(driveline_svg(self.config).encode()).decode()}"
+        picture = f'<img alt="driveline" style="max-width:none" src="{source}">'
+        return f'{lines}<div style="overflow-x:auto;background:#fff">{picture}</div>'
 
     def _plug(self, controller: str | type | None, level: str | None, delay: int) -> tuple[Plug | None, str | None]:
         """Return the plug of a controller and its specification; None twice for the rig's own."""
