@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from ..rig import RigConfig
 
-PART_S = 5e-6  # s of processor time for a part of a step of two bodies, measured
-
 
 def checked(rig: str, config: RigConfig) -> Iterator[str]:
     """Check a rig and the files in its folder, and yield a line for each thing that it has; a warning begins with that word.
@@ -94,9 +92,9 @@ def _fastest(config: RigConfig) -> Iterator[str]:
 def _slow_shafts(config: RigConfig) -> Iterator[str]:
     """Yield a warning for each shaft whose table or backlash divides a step so often that a run falls behind real time."""
     step = config.kernel.step
-    for name, parts in parts_of_steps(system_of(config), step).items():
-        if parts * PART_S > step:
-            took = f"up to {parts} parts to resolve its table, which takes some {parts * PART_S * 1e3:.2g} ms"
+    for name, (parts, seconds) in parts_of_steps(system_of(config), step).items():
+        if seconds > step:
+            took = f"up to {parts} parts to resolve its table, which takes some {seconds * 1e3:.2g} ms"
             yield (
                 f"warning: shaft {name} divides a step of {step * 1e6:g} us into {took}: "
                 "a run is slower than real time where it is so stiff"
