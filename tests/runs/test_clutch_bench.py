@@ -201,7 +201,7 @@ def test_a_transducer_that_is_not_fitted_shows_nothing():
     ("act", "sentence"),
     [
         (lambda rig: rig.set("press", 1e-3, True), "'clutch_bench' has no testing machine"),
-        (lambda rig: rig.set("cylinder", 2e7, True), "cylinder.pressure of 2e.07 Pa refused; expected 0 to 1e.07 Pa"),
+        (lambda rig: rig.set("cylinder", 2e7, True), "cylinder.pressure of 20 000 000 Pa refused; expected 0 to 10 000 000 Pa"),
         (lambda rig: rig.set("motor", float("nan"), True), "hydraulic_motor.speed of nan rad/s refused"),
     ],
 )

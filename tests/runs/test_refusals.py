@@ -323,9 +323,9 @@ def test_a_setpoint_that_the_rig_refuses_fails_the_sequence_at_once(tmp_path):
     run = simulate(load_rig("hydmag", SMALL_PUMP), load_sequence(path, default="hydmag"), tmp_path / "run")
     assert run["end"]["state"] == "failed" and run["duration_s"] < 0.1
     assert (
-        "s.yaml:3: load torque 500 Nm needs too much of the relief valve at this speed: load_pump.relief_pressure of 5.94"
+        "s.yaml:3: load torque 500 Nm needs too much of the relief valve at this speed: load_pump.relief_pressure of 59 4"
         in (run["end"]["reason"])
-        and "expected 0 to 4e+07 Pa" in run["end"]["reason"]
+        and "expected 0 to 40 000 000 Pa" in run["end"]["reason"]
     )
 
 

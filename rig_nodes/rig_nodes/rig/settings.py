@@ -14,7 +14,7 @@ from dataclasses import Field, dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
-from ..base import SI, SWITCH, WORDS, RigError, shown_in, unknown_value, value_of
+from ..base import SI, SWITCH, WORDS, RigError, number_text, shown_in, unknown_value, value_of
 from ..plant import part as parts
 from .alfa46 import OUTPUT_KEYS, POINTS, Alfa46Values
 from .commands import Setpoint, setpoints_of
@@ -148,8 +148,9 @@ class Setting:
     def check(self, value: float) -> None:
         """Raise RigError for a number [SI] that is out of range or not finite."""
         if not (math.isfinite(value) and self.low <= value <= self.high):
+            given, low, high = (number_text(one, 6, apart=" ") for one in (value, self.low, self.high))
             unit = f" {self.unit}".rstrip()
-            raise RigError(f"{self.name} of {value:g}{unit} refused; expected {self.low:g} to {self.high:g}{unit}")
+            raise RigError(f"{self.name} of {given}{unit} refused; expected {low} to {high}{unit}")
 
     def check_lives(self) -> None:
         """Raise RigError for a setting that cannot change while the rig runs."""
