@@ -21,10 +21,10 @@ from rig_nodes.rig.structure import structure_of
 from rig_nodes.view import layout
 from rig_nodes.view import pages as pages_module
 from rig_nodes.view import plots as plots_module
-from rig_nodes.view.blocks import Block
 from rig_nodes.view.convert import make_tab_view, make_view
 from rig_nodes.view.curves import Curves
 from rig_nodes.view.live import _Shown
+from rig_nodes.view.message_blocks import Block
 from rig_nodes.view.other_tools import foxglove, plotjuggler, tabs
 from rig_nodes.view.pages import Pages
 

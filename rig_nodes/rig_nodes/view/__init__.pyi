@@ -3,7 +3,7 @@
 
 # The names of this room that others use; __init__.py finds each in its module when it is asked for.
 
-from .blocks import Blocks as Blocks
+from .message_blocks import Blocks as Blocks
 from .campaign import campaign_of_sweep as campaign_of_sweep, figures_of_campaign as figures_of_campaign, read_campaign as read_campaign
 from .chart import Line as Line, chart as chart, front as front, write_charts as write_charts
 from .compare_file import write_compare_file as write_compare_file

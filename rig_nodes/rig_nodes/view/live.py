@@ -23,10 +23,10 @@ from ..bags import cdr
 from ..base import RigError
 from ..rig import Signal, Topic
 from . import layout
-from .blocks import Blocks
 from .convert import import_rerun
 from .curves import log_state_styles, log_style, times
 from .document import event_row, markdown_table
+from .message_blocks import Blocks
 from .pages import Pages
 from .recorded import derivative
 from .viewer import child, surroundings

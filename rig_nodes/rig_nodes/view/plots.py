@@ -3,7 +3,8 @@
 
 """The plots of any rig, a record each: its title, the signals that it shows, and on which pages it is.
 
-view.pages takes them from here for the viewer, the page of `rig report --html` and the layouts for other tools.
+view.pages takes them from here for the viewer, the curves of a whole run on the page of `rig report --html` and the layouts for
+other tools. The figure of a shift has its own panels, in figure_of_shift.py.
 """
 
 from __future__ import annotations
