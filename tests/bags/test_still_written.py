@@ -60,6 +60,8 @@ def test_what_it_holds_so_far_can_be_had(written, tmp_path, capsys):
     assert main(["bag", "recover", str(folder), "--out", str(tmp_path / "so_far")]) == 3
     assert f"(process {writer.pid}, since" in capsys.readouterr().err
     assert Bag(tmp_path / "so_far").last > 0
+    main(["report", str(tmp_path / "so_far")])
+    assert f"the run went on at 0.695 s, up to which python (process {writer.pid}" in "".join(capsys.readouterr())
 
 
 def test_python_says_so_too_and_reads_it_as_cut_off_once_nobody_writes(written):

@@ -19,6 +19,7 @@ from ..analysis import (
     FAILED,
     GRADES,
     MISSED,
+    NO_SEQUENCE,
     NOT_FOUND,
     OF_A_RUN,
     POOR,
@@ -106,7 +107,8 @@ def report_page(report: Mapping, facts: Facts, shifts: Sequence[Description], ru
     """
     run = report["run"]
     rig = (run.get("configuration") or {}).get("name") or (report.get("basis") or {}).get("rig")
-    title = ": ".join(str(one) for one in (rig, run.get("sequence")) if one) or "Report"
+    named = "ordered by hand" if run.get("sequence") == NO_SEQUENCE else run.get("sequence")
+    title = ": ".join(str(one) for one in (rig, named) if one) or "Report"
     box = shown_transmission(dict(report)) if "bench" not in report else None
     about = [str(run["description"])] if run.get("description") else []
     drawn = [("The run", figures(runs, "run"))]  # of a rig without gears it has the results
