@@ -49,7 +49,7 @@ def test_it_is_a_valid_notebook_without_outputs(path):
 
 def test_a_first_shift(executed, capsys):
     notebook, shown = executed("first_shift")
-    assert "<svg" in shown[0][1] and "II" in shown[1][0] and shown[2][0].startswith("<Picture")
+    assert "data:image/svg+xml" in shown[0][1] and "II" in shown[1][0] and shown[2][0].startswith("<Picture")
     assert "heat of friction in S2 over the run:" in capsys.readouterr().out
     peaks = [run.shifts["input_torque_max_nm"][0] for run in (notebook.run, notebook.softer)]
     assert "input_torque_max_nm" in shown[-1][0] and peaks[1] != peaks[0]
