@@ -9,7 +9,22 @@ import numpy as np
 import pytest
 
 from rig_nodes.analysis import FILL, INERTIA, INTERRUPTED, TORQUE
-from rig_nodes.view.palette import CURVES, DARK, GROUND, INK, LIGHT, LIMIT, MET, NOTE, ON_GRADE, PHASES, SETTLING, with_variables
+from rig_nodes.view.palette import (
+    CURVES,
+    DARK,
+    GROUND,
+    INK,
+    LIGHT,
+    LIMIT,
+    MET,
+    MIDDLE,
+    NOTE,
+    ON_GRADE,
+    PHASES,
+    SETTLING,
+    rgb,
+    with_variables,
+)
 
 LEAST = 10.0  # difference of two colours, CIEDE2000
 # Machado, Oliveira and Fernandes 2009, table 1 at severity 1.0, for linear RGB
@@ -84,6 +99,16 @@ def test_curves_stand_out_from_ground_and_phases_and_words_can_be_read(palette):
         assert contrast(palette[words], palette[GROUND]) >= 4.5
     for grade in ("good", "fair", "poor", "failed"):
         assert contrast(ON_GRADE, palette[grade]) >= 4.5
+
+
+def test_curves_of_the_viewer_stand_out_from_a_light_and_from_a_dark_window_for_every_eye():
+    for ground in ("#ffffff", "#0d0d0d"):
+        for name in CURVES:
+            measured, demanded = ("#" + bytes(rgb(name, pale)).hex() for pale in (False, True))
+            assert contrast(measured, ground) >= 3.0 and contrast(demanded, ground) >= 1.95, (name, ground)
+    for seen in SEEN:
+        for one, other in itertools.combinations(MIDDLE.values(), 2):
+            assert difference(one, other, seen) >= LEAST, (one, other)
 
 
 def test_a_page_can_exchange_the_palette_of_a_drawing():

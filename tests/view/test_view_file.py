@@ -139,7 +139,7 @@ def test_layout_belongs_to_the_recording_and_shows_every_signal(shown, orders):
         "Report",
         "Events",
         *(f"shift {n}: {way} at {t:.3f} s" for n, (way, t) in enumerate(zip(("I → II", "II → I"), orders), 1)),
-    } <= set(views)
+    } <= {name.partition(";")[0] for name in views}
     drawn = {entity for contents in views.values() for entity in contents}
     assert {path_of(name) for name in CATALOGUE.signals} <= drawn
 
@@ -154,14 +154,9 @@ def window_of(rrd):
 def test_linked_plots_open_with_the_whole_run_and_room_for_their_legends(shown, recorded):
     first, last = window_of(shown)
     end = Bag(recorded).logger().time()[-1]
-    longest = max(
-        len(Pages(load_rig("hydmag").as_dict()).label(name))
-        for _, names in (*Pages(load_rig("hydmag").as_dict()).run_left, *Pages(load_rig("hydmag").as_dict()).run_right)
-        for name in names
-    )
-    assert first == pytest.approx(0.0, abs=0.02) and end < last
-    # of some 540 px of a plot, 40 are the frame and the dot of a legend, and a letter has 6.4
-    assert 540.0 * (1.0 - end / last) > 40.0 + 6.4 * longest
+    assert first == pytest.approx(0.0, abs=0.02)
+    # of some 550 px of a plot, 40 are the frame and the dot of a legend, and a letter has 6.4
+    assert 550.0 * (1.0 - end / last) > 40.0 + 6.4 * len("S2 capacity [Nm]") and end > 0.65 * last, "most of a plot is the run"
 
 
 def test_a_shift_is_shown_from_its_order_on_with_its_phases_and_times(shown, recorded, orders):
@@ -171,15 +166,13 @@ def test_a_shift_is_shown_from_its_order_on_with_its_phases_and_times(shown, rec
     first = int(np.searchsorted(there, (orders[0] - layout.BEFORE) * 1e9 - 1.0))
     np.testing.assert_array_equal(values, whole[first : first + len(values)])
     np.testing.assert_allclose(np.asarray(times) / 1e9, np.asarray(there[first : first + len(times)]) / 1e9 - orders[0], atol=2e-9)
-    assert times[0] / 1e9 == pytest.approx(-layout.BEFORE, abs=1e-4) and times[-1] / 1e9 == pytest.approx(layout.AFTER, abs=1e-4)
-
     kiss, locked = row["kiss_s"], row["t_c_s"]
     begins = [0.0, kiss, locked - row["t_p_s"], locked, locked + row["t_o_s"]]
+    assert (times[0] / 1e9, times[-1] / 1e9) == pytest.approx((-layout.BEFORE, 1.5 * begins[-1]), abs=1e-3)
     np.testing.assert_allclose(np.asarray(shown.data["/shift_1/phases"]["t"][:5]) / 1e9, begins, atol=1e-6)
-    labels = " ".join(shown.data["/shift_1/phases"]["StateConfiguration:labels"])
+    (labels,) = (name for name in shown.views() if name.startswith("shift 1: I → II at 3.845 s; fill "))
     for name, seconds in zip(("fill", "torque", "inertia", "settling"), np.diff(begins)):
-        assert re.search(rf"{name}( phase)? {1e3 * seconds:.0f}\b", labels), "in its bar, or beside the last one"
-    assert shown.data["/shift_1/phases"]["t"][-1] / 1e9 > layout.AFTER, "the words have the room of the legends too"
+        assert re.search(rf"{name} {1e3 * seconds:.0f}\b", labels)
     marks, _ = shown.rows("/shift_1/orders/speed", "Scalars:scalars")
     np.testing.assert_allclose(np.unique(np.asarray(marks[1:]) / 1e9), begins, atol=1e-6)
 
@@ -192,12 +185,17 @@ def test_both_columns_have_the_same_scales_and_hold_their_curves(shown):
             low, high = parts["ScalarAxis:range"][0]
             contents = shown.layout[f"{view}/ViewContents"]["ViewContents:query"]
             ranges.setdefault(shown.layout[view]["ViewBlueprint:display_name"][0], []).append((low, high, contents))
-    assert len(ranges) == len(Pages(load_rig("hydmag").as_dict()).shift_plots)
-    for (*left, _), (*right, _) in ranges.values():
+    of_shifts = {title: [one for one in found if any("/shift_" in entity for entity in one[2])] for title, found in ranges.items()}
+    both = [found for found in of_shifts.values() if found]
+    assert len(both) == len(Pages(load_rig("hydmag").as_dict()).shift_plots)
+    for (*left, _), (*right, _) in both:
         assert left == right
+    assert {"Slip [rpm]", "Piston position [mm]", "Plate temperature [degC]"} <= set(ranges), "the whole run's have theirs too"
     for low, high, contents in (one for found in ranges.values() for one in found):
         values = np.concatenate([shown.data[entity]["Scalars:scalars"] for entity in contents if "orders" not in entity])
         assert low < np.nanmin(values) and np.nanmax(values) < high
+    low, high, _ = ranges["Error of the energy balance [kJ]"][0]
+    assert low <= -1e-3 and high >= 1e-3, "rounding is not drawn as high as the plot"
 
 
 def test_plates_are_as_warm_as_their_heat_and_the_oil_make_them(shown, recorded):
@@ -226,7 +224,7 @@ def test_the_page_of_the_run_tells_its_steps_energy_and_settings(tmp_path, read_
 
 def test_any_shift_can_be_chosen_and_all_overlaid(run, read_rrd):
     one = read_rrd(make_view(run, wanted=[2]).path)
-    assert [name for name in one.views() if name.startswith("shift")] == ["shift 2: II → I at 8.320 s"]
+    assert [name.partition(";")[0] for name in one.views() if name.startswith("shift")] == ["shift 2: II → I at 8.320 s"]
     assert not [entity for entity in one.data if entity.startswith("/shift_1/")]
     times = np.asarray(one.rows(path_of("M_wej"), "Scalars:scalars")[0]) / 1e9
     assert times[0] > 8.1 and times[-1] < 9.9, "only its part of the bag is read"

@@ -24,7 +24,7 @@ from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
 from rig_nodes.view import layout, picture
 from rig_nodes.view.convert import make_close_view, make_tab_view
-from rig_nodes.view.pages import Pages
+from rig_nodes.view.pages import STATE_COLOURS, Pages
 from rig_nodes.view.palette import RULE, rgb
 from rig_nodes.view.picture import NO_DRIVER, SIZE, HeadlessViewer, software_driver
 
@@ -42,7 +42,12 @@ TAB_PARAMS, PLOT_PARAMS, CURVE_PARAMS = (
 )
 COLOURS = {PAGES.colour(name) for name in PAGES.looks}
 LABELS = [PAGES.label(name) for _, names in PAGES.shift_plots for name in names]
-ENDS = layout.with_room((-layout.BEFORE, layout.AFTER), layout.room_for(LABELS, 2))  # s from the order on, of both columns
+
+
+def ends_of(rows):
+    """Returns the window [s] of both columns of shifts, from their orders on: half as long again as the longer one's course."""
+    last = max(row["t_c_s"] + row["t_o_s"] for row in rows)
+    return layout.with_room((-layout.BEFORE, 1.5 * last), layout.room_for(LABELS, 2))
 
 
 def heading(title, names):
@@ -92,7 +97,8 @@ def test_the_viewer_reports_no_fault_and_lists_every_view(tabs, recorded, tab):
         expected.append("States")
     shown = sorted(name for name, _ in tabs[tab].views)
     if tab == "shifts":
-        assert [name for name in shown if " → " in name] == ["shift 1: I → II at 3.845 s", "shift 2: II → I at 8.320 s"]
+        titles = ["shift 1: I → II at 3.845 s", "shift 2: II → I at 8.320 s"]
+        assert [name.partition("; fill ")[0] for name in shown if " → " in name] == titles
     assert [name for name in shown if " → " not in name] == sorted(expected)
 
 
@@ -136,7 +142,7 @@ def test_a_peak_of_some_milliseconds_is_drawn_in_a_plot_of_the_whole_run(tabs):
     title, names = next(plot for plot in PLOTS["run"] if "M_wej" in plot[1])
     (image,) = pictures(tabs, "run", title, names)
     height, width = image.shape[:2]
-    downshift = image[:, int(0.42 * width) : int(0.47 * width)]
+    downshift = image[:, int(0.47 * width) : int(0.53 * width)]
     rows = np.flatnonzero(has(downshift, PAGES.colour("M_wej")).any(axis=1))
     assert rows[0] < 0.42 * height, "a mean would end at 0.54"
 
@@ -152,7 +158,7 @@ def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, recorded):
     names, bars = sorted(PAGES.states), lanes(image)
     assert len(bars) == len(names)
     for bar, name in zip(bars, names):
-        assert 0.55 < len(bar) / image.shape[1] < 0.7, "the bar ends with the run"
+        assert 0.6 < len(bar) / image.shape[1] < 0.75, "the bar ends with the run"
         _, values = bag.series(name)
         states, last = PAGES.signal(name).states, int(values[-1])
         # the viewer draws the last state some way beyond the end of the run
@@ -170,21 +176,23 @@ def test_every_state_has_its_colour_as_long_as_it_lasts(tabs, recorded):
 
 def test_phases_and_times_of_a_shift_are_bars_with_their_texts(tabs, recorded):
     rows = json.loads((recorded / "report.json").read_text())["shifts"]
-    views = dict(tabs["shifts"].views)
+    views = {name.partition(";")[0]: image for name, image in tabs["shifts"].views}
     for title, row in zip(("shift 1: I → II at 3.845 s", "shift 2: II → I at 8.320 s"), rows):
         image = views[title]
-        second = image.shape[1] / (ENDS[1] - ENDS[0])
+        start, end = ends_of(rows)
+        second = (image.shape[1] - layout.NUMBERS) / (end - start)  # the lanes begin as far at the right as the plots
         inertia, kiss = row["t_p_s"], row["kiss_s"]
         lengths = {"fill": kiss, "torque phase": row["t_c_s"] - inertia - kiss, "inertia phase": inertia}
         for name, seconds in lengths.items():
             colour = np.array(rgb(name)) * BAR
             rows_of_bar = (np.abs(image - colour).max(axis=2) <= 12).sum(axis=1)
             assert (np.abs(rows_of_bar - seconds * second) < 3).sum() >= 3, f"{title}: {name}"
-        assert text_pixels(image) > 600, "the texts of the bars and the names of the lanes"
+        assert text_pixels(image) > 500, "the texts of the bars and the names of the lanes"
 
 
 def test_upright_lines_stand_at_the_order_and_where_the_phases_begin(tabs, recorded):
     rows = json.loads((recorded / "report.json").read_text())["shifts"]
+    start, end = ends_of(rows)
     for title, names in PAGES.shift_plots:
         for image, row in zip(pictures(tabs, "shifts", title, names), rows):
             marks = (0.0, row["kiss_s"], row["t_c_s"] - row["t_p_s"], row["t_c_s"])
@@ -192,21 +200,21 @@ def test_upright_lines_stand_at_the_order_and_where_the_phases_begin(tabs, recor
 
             def off(left):
                 """Returns how far [px] the worst mark is from its time, with the plot's left end there."""
-                second = (image.shape[1] - left) / (ENDS[1] - ENDS[0])
-                return max(np.abs(found - (left + (t - ENDS[0]) * second)).min(initial=np.inf) for t in marks)
+                second = (image.shape[1] - left) / (end - start)
+                return max(np.abs(found - (left + (t - start) * second)).min(initial=np.inf) for t in marks)
 
             # the room for the numbers at the left differs from plot to plot
             assert min(off(left) for left in range(5, 60)) < 2.0, (title, row["from_gear"], found)
 
 
 def test_a_light_picture_has_dark_letters_and_the_same_curves():
-    colours = np.array([[[13, 13, 13], [235, 235, 235], [0x2F, 0x95, 0xF5], [0x9B, 0xCB, 0xF8], [0x12, 0xB8, 0x86]]], np.uint8)
+    curves = [rgb("first"), rgb("first", True), rgb("input")]
+    colours = np.array([[[13, 13, 13], [235, 235, 235], *curves, STATE_COLOURS["slipping"]]], np.uint8)
     out = io.BytesIO()
     Image.fromarray(colours).save(out, "png")
-    ground, letter, blue, pale, green = image_of(picture.lightened(out.getvalue()))[0]
-    assert ground.min() > 230 and letter.max() < 30
-    assert np.abs(blue - colours[0, 2]).max() < 40 and (green == colours[0, 4]).all()
-    assert pale.mean() < 120 and pale.argmax() == 2, "a pale curve is dark and keeps its hue"
+    ground, letter, *found, bar = image_of(picture.lightened(out.getvalue()))[0]
+    assert ground.min() > 230 and letter.max() < 30 and bar.max() > 200, "the ground of a bar's letters"
+    assert (np.array(found) == curves).all()
 
 
 def test_window_and_tab_of_a_picture_can_be_chosen(run, tabs, tmp_path):

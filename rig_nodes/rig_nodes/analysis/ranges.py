@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base import RigError
-from .display import aligned
+from ..base import RigError, number_text
 
 if TYPE_CHECKING:
     from ..bags import Bag, Logger
@@ -88,8 +87,8 @@ def signal_ranges(bag: Bag) -> list[dict]:
     return ranges.rows()
 
 
-def range_lines(rows: Iterable[Mapping]) -> list[str]:
-    """Return the ranges as a table for the terminal."""
+def range_cells(rows: Iterable[Mapping]) -> list[list[str]]:
+    """Return the ranges as the rows of a table, its head first; none without a signal."""
     table = [["signal", "unit", "lowest", "mean", "highest"]]
-    table += [[row["signal"], row["unit"], *(f"{row[key]:z.4g}" for key in ("lowest", "mean", "highest"))] for row in rows]
-    return aligned(table, 2) if len(table) > 1 else []
+    table += [[row["signal"], row["unit"], *(number_text(row[key] + 0.0) for key in ("lowest", "mean", "highest"))] for row in rows]
+    return table if len(table) > 1 else []

@@ -23,7 +23,7 @@ from .loops import loops_text
 from .metrics import COURSE, Metric, named_metrics
 from .no_change import measured_lines
 from .quality import sentence_of
-from .ranges import range_lines
+from .ranges import range_cells
 from .run_report import RUN_KEYS, shown_transmission, verdicts_in, window_of
 from .state_at_order import begun_lines
 from .trips import trip_lines, without_trips
@@ -43,7 +43,7 @@ def format_report(report: dict) -> str:
     if "bench" in report:
         from .press_bench import bench_lines
 
-        lines = bench_lines(report["bench"]) or range_lines(report.get("signals", []))
+        lines = bench_lines(report["bench"]) or aligned(range_cells(report.get("signals", [])), 2)
         return _shown([*head, *lines, "", *_run_lines(report["run"])])
     box = shown_transmission(report)
     rows, verdicts = report["shifts"], verdicts_in(report)

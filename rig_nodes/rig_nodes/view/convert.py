@@ -22,17 +22,18 @@ from ..analysis import LOGGER, REPORT_FILE, SMALL, build_report, gather, gatheri
 from ..bags import CUT_OFF, NO_REPORT, PIECE, Bag, Numbers, OpenedBags, orders_in, recovered
 from ..base import RigError, optional, unknown
 from . import layout
-from .curves import OWN_TOPIC, Curves, times
+from .curves import OWN_TOPIC, Curves, extend, times
 from .document import event_row, report_document, run_document
 from .moments import MomentCurves, Reader, log_offset, measured_pages, metrics_of, shift_page
 from .pages import Pages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from types import ModuleType
 
     from rerun import RecordingStream
     from rerun.blueprint import Blueprint
+    from rerun.chunk import Chunk
 
 APPLICATION = "virtual_rig"
 VIEW_FILE = "view.rrd"
@@ -108,8 +109,8 @@ def whole_file(path: Path, remedy: str) -> Iterator[Path]:
 
 
 @contextmanager
-def recording(path: Path, key: str, shown: Blueprint) -> Iterator[tuple[ModuleType, RecordingStream]]:
-    """Give the rerun module and a recording that is written to a file with its layout."""
+def recording(path: Path, key: str, shown: Blueprint | None = None) -> Iterator[tuple[ModuleType, RecordingStream]]:
+    """Give the rerun module and a recording that is written to a file with its layout; without one it is sent later."""
     rr = import_rerun()
     rec = rr.RecordingStream(APPLICATION, recording_id=key, send_properties=False)  # properties hold the wall clock
     rec.save(path, default_blueprint=shown)
@@ -152,9 +153,19 @@ def make_tab_view(
     """
     with OpenedBags([run]) as index:
         source = _Source(index, run, window, wanted)
-        shown = source.blueprint(source.tab(tab))
-    with recording(path, "tab", shown) as (rr, rec):
-        rec.send_chunks(rr.chunk.RrdReader(view).stream())
+        tab = source.tab(tab)
+    extremes: layout.Extremes = {}
+
+    def measured(chunks: Iterable[Chunk]) -> Iterator[Chunk]:
+        for chunk in chunks:
+            if "Scalars:scalars" in (found := chunk.to_record_batch()).schema.names:
+                values = found.column("Scalars:scalars").flatten().to_numpy(zero_copy_only=False)
+                extend(extremes, chunk.entity_path.strip("/"), values)
+            yield chunk
+
+    with recording(path, "tab") as (rr, rec):
+        rec.send_chunks(measured(rr.chunk.RrdReader(view).stream()))
+        rec.send_blueprint(source.blueprint(tab, extremes))
 
 
 def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequence[int] | str | None) -> View | None:
@@ -182,7 +193,7 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
         tab = source.tab(tab)
         if source.report is None or tab not in [one.page.key for one in source.close]:
             return None
-        with recording(path, "close", source.blueprint(tab)) as (rr, rec):
+        with recording(path, "close", source.blueprint(tab, {})) as (rr, rec):
             source.send(rr, rec)
             _send_texts(rr, rec, source, source.report, [])
         lacks, faulty = _lacks(index)
@@ -253,6 +264,8 @@ class _Source:
         self.orders = layout.shifts_of(orders, self.pages.box, at_rest)
         self.shifts = [one for one in self.orders if one.number]
         self.close = self._close(orders, wanted)
+        own = () if wanted else self.pages.more_pages  # shifts that were asked for are shown first
+        self.opens = "run" if window else next(iter((*own, *(one.page.key for one in self.close))), "run")
         self.span = self._span(wanted)
         if self.span is not None or not self._from_the_start():
             self.pages.plates = {}  # the temperature of the plates depends on all their heat since time 0
@@ -306,12 +319,12 @@ class _Source:
         if wanted in ("shifts", "valve", "coast_down") and wanted not in there:
             has = ", ".join([*there, "run", "other"])
             raise RigError(f"{self.bag}: the run has no tab '{wanted}'; --tab can be {has}")
-        return wanted or (there[0] if there and not self.window else next(iter(self.pages.more_pages), "run"))
+        return wanted or self.opens
 
-    def blueprint(self, only: str | None = None) -> Blueprint:
+    def blueprint(self, only: str | None, extremes: layout.Extremes) -> Blueprint:
         """Return the layout, or that of one tab alone."""
         span = self.span or self.ends
-        return layout.blueprint(self.pages, set(self.names), span, only, self.own, self.close, self.window is not None)
+        return layout.blueprint(self.pages, set(self.names), span, only, self.own, self.close, self.opens, extremes)
 
     def send(self, rr: ModuleType, rec: RecordingStream) -> None:
         """Send what is shown close up, and the events."""
@@ -327,7 +340,7 @@ class _Source:
 
 def _write(source: _Source, path: Path, key: str) -> list[str]:
     """Write the bag to the file piece by piece; return what the bag lacks, which is also shown with the report."""
-    with recording(path, key, source.blueprint()) as (rr, rec):
+    with recording(path, key) as (rr, rec):
         rec.send_recording_name(source.index.pieces[0].path.stem)
         source.send(rr, rec)
         start, end = source.span or source.ends
@@ -336,6 +349,7 @@ def _write(source: _Source, path: Path, key: str) -> list[str]:
         curves = Curves(rr, rec, source.pages, source.names, source.orders, end - start > LONG, second)
         report, notes = _send_bag(source, rec, curves)
         _send_texts(rr, rec, source, report, notes)
+        rec.send_blueprint(source.blueprint(None, curves.extremes))
     return notes
 
 

@@ -19,7 +19,7 @@ from ..base import RigError
 from ..rig import Signal
 from . import layout
 from .pages import Pages
-from .palette import OTHER, rgb
+from .palette import RULE, rgb
 from .recorded import derivative, samples_in
 
 if TYPE_CHECKING:
@@ -91,6 +91,14 @@ def state_of(signal: Signal, value: float, width: float) -> str:
     return str(int(value)) if label is None else label if fits(label, width) else SHORT + label
 
 
+def extend(extremes: layout.Extremes, place: str, values: np.ndarray) -> None:
+    """Extend the least and the greatest value at a place by further ones."""
+    seen = values[np.isfinite(values)]
+    if len(seen):
+        low, high = extremes.get(place, (np.inf, -np.inf))
+        extremes[place] = min(low, float(seen.min())), max(high, float(seen.max()))
+
+
 class Curves:
     """Sender of the curves of each piece of a bag.
 
@@ -98,6 +106,8 @@ class Curves:
     ----------
     ends : (float, float)
         First and last time of everything sent so far [s].
+    extremes : layout.Extremes
+        Of all curves sent so far.
     problems : list of str
         Sentences on what could not be drawn.
     """
@@ -136,13 +146,13 @@ class Curves:
         self._rr, self._rec, self._pages, self._names, self._orders = rr, rec, pages, names, orders
         self.ends = (np.inf, -np.inf)
         self.problems: list[str] = []
+        self.extremes: layout.Extremes = {}
         self._styled: set[str] = set()
         self._states: dict[str, float] = {}  # last value of each state
         self._open: dict[str, tuple[float, float]] = {}  # time [s] and value of each state that has not ended
         self._due: dict[str, float] = {}  # time [s] of the next row of each logger
         # last time [s] of the piece before, and at this time the heat [J] of plates and their temperature above the oil's [K]
         self._plates: dict[str, tuple[float, float, float]] = {}
-        self._heights = {}  # (plot, index of the order) -> lowest and highest value in its window
 
     def add(self, piece: Bag) -> None:
         """Send all signals of the next piece."""
@@ -162,7 +172,6 @@ class Curves:
     def _send_signal(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """Send samples of a signal, and what follows from them: the temperature of plates by their heat, and time derivatives."""
         self.ends = min(self.ends[0], t[0]), max(self.ends[1], t[-1])
-        self._measure(signal, t, values)
         if signal.states:
             self._send_states(signal, t, values)
         else:
@@ -213,7 +222,9 @@ class Curves:
     def _send_series(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         if self._first(signal.name):
             log_style(self._rr, self._rec, self._pages, signal)
-        self._send(layout.entity(signal), t, signal.shown(values))
+        place, values = layout.entity(signal), signal.shown(values)
+        extend(self.extremes, place, values)
+        self._send(place, t, values)
 
     def _send_states(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
         """Send one row for each state that has ended; the last one is held, because its bar's width is not known."""
@@ -236,21 +247,6 @@ class Curves:
             states = [state_of(signal, value, width) for (_, value), width in zip(rows, widths)]
             self._rec.send_columns(layout.entity(signal), [times(self._rr, begins)], self._rr.StateChange.columns(state=states))
 
-    def _measure(self, signal: Signal, t: np.ndarray, values: np.ndarray) -> None:
-        """Measure the height of the plots with vertical lines around each order."""
-        for title, names in self._pages.marked_plots:
-            if signal.name not in names:
-                continue
-            for number, order in enumerate(self._orders):
-                start, end = order.window
-                if t[-1] < start or t[0] > end:
-                    continue
-                seen = signal.shown(values[(t >= start) & (t <= end)])
-                seen = seen[np.isfinite(seen)]
-                if len(seen):
-                    low, high = self._heights.get((title, number), (np.inf, -np.inf))
-                    self._heights[title, number] = min(low, seen.min()), max(high, seen.max())
-
     def finish(self) -> None:
         """Send what depends on the end of the run: the last state of each signal, and the marks at the orders."""
         for name, last in self._open.items():
@@ -258,18 +254,14 @@ class Curves:
         self._send_marks()
 
     def _send_marks(self) -> None:
-        """Send a vertical line at each order, as high as the curves of the plot around it."""
-        for title, _ in self._pages.marked_plots:
-            rows = [
-                (order.order, value)
-                for number, order in enumerate(self._orders)
-                if (title, number) in self._heights
-                for value in (*self._heights[title, number], np.nan)
-            ]
-            if rows:
+        """Send a vertical line at each order, as high as the plot."""
+        for title, names in self._pages.marked_plots:
+            ends = layout.height_of(self._pages, names, self.extremes)
+            orders = [one.order for one in self._orders if self.ends[0] <= one.order <= self.ends[1]]
+            if rows := [(t, value) for t in orders for value in (*ends, np.nan)] if ends else ():
                 t, values = np.array(rows).T
                 path = layout.mark_entity(title)
                 # both ends lie at the same time; averaging would reduce them to a point
-                line = self._rr.SeriesLines(names="shift ordered", colors=rgb(OTHER), widths=1.0, aggregation_policy="Off")
+                line = self._rr.SeriesLines(names="shift ordered", colors=rgb(RULE), widths=1.0, aggregation_policy="Off")
                 self._rec.log(path, line, static=True)
                 self._send(path, t, values)

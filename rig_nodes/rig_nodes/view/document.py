@@ -9,7 +9,6 @@ view.convert uses it; keys, headings and units are those of the report (analysis
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import zip_longest
 
 from ..analysis import (
     begun_lines,
@@ -20,7 +19,7 @@ from ..analysis import (
     named_metrics,
     no_shift,
     numbered_way,
-    range_lines,
+    range_cells,
     sentence_of,
     settings_of_run,
     shift_name,
@@ -57,8 +56,10 @@ def report_document(report: dict, problems: list[str]) -> str:
     box, told = shown_transmission(report), facts_of(report)
     parts = [*_head(report), *(f"**{problem}**" for problem in problems_of(report, problems))]
     if "bench" in report:
-        lines = bench_lines(report["bench"]) or range_lines(report.get("signals", []))
-        parts += ["## Results", "```\n" + "\n".join(lines) + "\n```"] if lines else []
+        if lines := bench_lines(report["bench"]):
+            parts += ["## Results", "```\n" + "\n".join(lines) + "\n```"]
+        elif ranges := range_cells(report.get("signals", [])):  # a table, because the viewer wraps long lines
+            parts += ["## Results", markdown_table(ranges)]
     else:
         parts += ["## Shifts", _shift_table(report, box) if report["shifts"] else no_shift(report)]
         parts += measured_lines(report["measured"], box) if "measured" in report else []
@@ -72,10 +73,7 @@ def report_document(report: dict, problems: list[str]) -> str:
     for number, (row, account) in enumerate(zip(report["shifts"], report.get("energy", {}).get("shifts", [])), 1):
         if account:
             told[f"heat {numbered_way(number, row, box, ARROW)}"] = f"{fixed(clutch_heat(account, box), 1.0, 0)} J"
-    rows, half = list(told.items()), -(-len(told) // 2)
-    pairs = zip_longest(rows[:half], rows[half:], fillvalue=("", ""))  # two entries a line, so that a picture shows them all
-    table = [["", "value", "", "value"], *([*left, *right] for left, right in pairs)]
-    return "\n\n".join([*parts, "## Run", f"End: {end}", markdown_table(table)]) + "\n"
+    return "\n\n".join([*parts, "## Run", f"End: {end}", *_facts(told)]) + "\n"
 
 
 def run_document(
@@ -101,9 +99,9 @@ def run_document(
     """
     rows = [event_row(t, topic, name, text) for t, topic, name, text, _ in events]
     bad = [*problems_of(report, warnings), *(text for text, level in rows if level != "INFO")]
-    parts = [*_head(report), "## Run", markdown_table([["", "value"], *facts_of(report).items()])]
+    parts = [*_head(report), "## Run", *_facts(facts_of(report))]
     parts += ["## Warnings", "\n".join(f"- {line}" for line in bad) or "none"]
-    if steps := [[f"{t:.2f}", text or name] for t, topic, name, text, _ in events if topic.strip("/").startswith(SEQUENCER)]:
+    if steps := [[f"{t:.3f}", text or name] for t, topic, name, text, _ in events if topic.strip("/").startswith(SEQUENCER)]:
         parts += ["## Steps", markdown_table([["s", "step"], *steps])]
     if energy := energy_rows([(report.get("energy") or {}).get("run") or {}], shown_transmission(report)):
         parts += ["## Energy of the run", markdown_table([["", "J"], *energy])]
@@ -112,6 +110,12 @@ def run_document(
     parts += [markdown_table([["setting", "rig", "run"], *changed])] if changed else []
     parts += ["## Settings", markdown_table([["setting", "value"], *settings_of_run(record)])]
     return "\n\n".join(parts) + "\n"
+
+
+def _facts(told: dict[str, str]) -> list[str]:
+    """Return facts as a table of two columns; parameters, which may be long, above it, because the viewer wraps no table."""
+    parameters = told.pop("parameters", "")
+    return [*([f"Parameters: {parameters}"] if parameters else []), markdown_table([["", "value"], *told.items()])]
 
 
 def _head(report: Mapping) -> list[str]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import uuid
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
@@ -27,16 +28,22 @@ if TYPE_CHECKING:
 
     from .moments import Moment, MomentCurves
 
+Extremes = dict[str, tuple[float, float]]  # least and greatest value shown at places of the view's file
+
 TIMELINE = "t"
 BEFORE, AFTER = 0.2, 1.5  # s; shown before and after the order of a shift, for profiles, torque peak and the settling of the torque
 
 LETTER, BESIDE = 6.5, 40.0  # px; width of a letter of a legend, and of its frame and dot
-NUMBERS = 45.0  # px; width of the numbers at the left of a plot
+NUMBERS = 29.0  # px; width of the numbers at the left of a plot, from 15 to 40
 SHORTEST = 0.01  # s; a bag may hold one instant only
-MOST_ROOM = 1.5  # largest room for legends, as a share of the window
+MOST_ROOM = 0.45  # largest room for legends, as a share of the window
 MARGIN = 0.06  # share of a plot's height left free above and below its curves
-STEPS = 8.5  # most steps of a power of ten of whose numbers the viewer shows all in a plot of five in a column
-NUMBER = 0.032  # half the height of a number at the left of a plot, as a share of the plot's height
+STEPS = 6.0  # most steps of a power of ten of whose numbers the viewer shows all in a plot of five in a window 1000 px high
+MOST_MORE = 1.35  # most that a plot becomes higher for the sake of a second number
+NUMBER = 0.05  # half the height of a number at the left of a plot, as a share of the plot's height
+LEAST = {"energy": 1.0}  # SI; smaller values of a quantity are rounding, and are not drawn as high as a plot
+HIGH, HIGHER = 920.0, 1640.0  # px; height of a column in a window 1000 px high, and in a picture
+LANES, LANE = 63.0, 40.0  # px; height of a view of lanes without any, and of a lane
 
 TABS = ("shifts", "valve", "coast_down", "run", "other", "controller")  # names on the command line
 ALL = "all"  # in place of numbers of shifts
@@ -156,13 +163,26 @@ def height(low: float, high: float) -> tuple[float, float]:
     """
     margin = MARGIN * (high - low) or max(abs(high), 1.0) * MARGIN
     low, high = low - margin, high + margin
-    step = 10.0 ** math.floor(math.log10(high - low))
-    step *= 10.0 if (high - low) / step > STEPS else 1.0
+    step = 10.0 ** math.floor(math.log10((high - low) / 1.1))
+    many = (high - low) / step > STEPS  # a taller plot shows their numbers, so the next step is worth less
+    step *= 10.0 if many else 1.0
     first, last = math.ceil(low / step), math.floor(high / step)
     while last - first < 1:  # the nearer of both next numbers
         first, last = (first - 1, last) if low - step * (first - 1) < step * (last + 1) - high else (first, last + 1)
     number = NUMBER * max(high - low, step * (last - first))
-    return min(low, step * first - number), max(high, step * last + number)
+    wide = min(low, step * first - number), max(high, step * last + number)
+    return (low, high) if many and wide[1] - wide[0] > MOST_MORE * (high - low) else wide
+
+
+def height_of(pages: Pages, names: Iterable[str], extremes: Extremes) -> tuple[float, float] | None:
+    """Return the range of a plot of signals; None when none of them has values."""
+    signals = [one for one in map(pages.signal, names) if entity(one) in extremes]
+    if not signals:
+        return None
+    lows, highs = zip(*(extremes[entity(one)] for one in signals))
+    least = float(signals[0].shown(LEAST.get(signals[0].quantity, 0.0)))
+    rounding = max(-min(lows), max(highs)) < least
+    return height(-least, least) if rounding else height(min(lows), max(highs))
 
 
 def choose(shifts: list[Shift]) -> list[Shift]:
@@ -240,7 +260,8 @@ def blueprint(
     only: str | None = None,
     own: tuple[str, ...] = (),
     close: Sequence[MomentCurves] = (),
-    run_first: bool = False,
+    opens: str = "",
+    extremes: Extremes | None = None,
 ) -> rrb.Blueprint:
     """Return the layout of a recorded run as a Rerun blueprint.
 
@@ -259,8 +280,10 @@ def blueprint(
         Names of the controller's own signals; each has a plot in a separate tab.
     close : sequence of MomentCurves
         Curves that the first tabs show close up.
-    run_first : bool
-        True to open with the first tab of the whole run in place of the close ones.
+    opens : str
+        The tab with which the view opens; by default the first one.
+    extremes : Extremes, optional
+        Plots without any fit themselves to their curves.
 
     Returns
     -------
@@ -269,19 +292,21 @@ def blueprint(
     """
     import rerun.blueprint as rrb
 
-    axis = rrb.TimeAxis(link="LinkToGlobal")
-    run, rest, more = _whole_run(pages, present, axis)
-    if plates := [name for name, one in pages.plates.items() if one.heat in present]:
-        run[-1] += _plots(pages, present | set(plates), [("Plate temperature", plates)], axis)
+    axis, extremes = rrb.TimeAxis(link="LinkToGlobal"), extremes or {}
+    run, rest, more = _whole_run(pages, present, axis, extremes)
+    run[-1] += _plots(pages, {name for name, one in pages.plates.items() if one.heat in present}, axis, extremes, pages.warm)
     shown = more[only] if only in more else rest if only == "other" else [view for column in run for view in column] + rest
     if shown:
         open_with(shown[0], window_of(pages, present, span, pages.more_pages.get(only, ()) if only in more else None))
-    tabs = {name: rrb.Grid(*views, name=name) for name, views in more.items()}
+    made = partial(_tab, HIGH if only is None else HIGHER)
+    if close:
+        tabs: dict = {name: rrb.Grid(*views, grid_columns=2, name=name) for name, views in more.items()}
+    else:  # no page of moments has the results
+        tabs = {name: made(name, [views[::2], views[1::2]]) for name, views in more.items()}
     for one in close:
-        axis_of_all = rrb.TimeAxis(link="Independent", view_range=time_range(one.page.window(pages)))
-        columns = [_moments(pages, one, column, axis_of_all, not n) for n, column in enumerate(one.page.columns)]
-        tabs[one.page.key] = _tab(one.page.name, columns)
-    tabs["run"] = _tab("Run", run, "/run")
+        columns = [_moments(pages, one, column, not n) for n, column in enumerate(one.page.columns)]
+        tabs[one.page.key] = made(one.page.name, columns)
+    tabs["run"] = made("Run", run, *(() if close or more else ("/report",)), "/run")
     if rest:
         tabs["other"] = rrb.Grid(*rest, name="Other signals")
     if own:
@@ -290,7 +315,7 @@ def blueprint(
     if only is not None:
         return whole(tabs.get(only, tabs["run"]), "hidden", "hidden", "paused")
     return whole(
-        rrb.Tabs(*tabs.values(), active_tab=list(tabs).index("run") if run_first else 0), "collapsed", "expanded", "paused"
+        rrb.Tabs(*tabs.values(), active_tab=list(tabs).index(opens) if opens in tabs else 0), "collapsed", "expanded", "paused"
     )
 
 
@@ -311,12 +336,12 @@ def live_blueprint(pages: Pages, seconds: float) -> rrb.Blueprint:
     # linked axes have no moving window, so each plot has its own
     span = rr.TimeRange(start=newest(seconds=-seconds), end=newest())
     axis = rrb.TimeAxis(link="Independent", view_range=span)
-    run, rest, more = _whole_run(pages, set(pages.known.signals), axis)
+    run, rest, more = _whole_run(pages, set(pages.known.signals), axis, {})
     for view in [view for column in (*run, *more.values()) for view in column] + rest:
         if isinstance(view, rrb.TimeSeriesView):
             view.properties["PlotLegend"] = rrb.PlotLegend("LeftTop")  # away from the newest values
     own, rest_of = [rrb.Grid(*views, name=name) for name, views in more.items()], rrb.Grid(*rest, name="Other signals")
-    return whole(rrb.Tabs(*own, _tab("Run", run), rest_of, active_tab=0), "collapsed", "expanded", "following")
+    return whole(rrb.Tabs(*own, _tab(HIGH, "Run", run), rest_of, active_tab=0), "collapsed", "expanded", "following")
 
 
 def whole(content: rrb.Container, panels: str, top: str, play: str) -> rrb.Blueprint:
@@ -332,39 +357,45 @@ def whole(content: rrb.Container, panels: str, top: str, play: str) -> rrb.Bluep
     )
 
 
-def _tab(name: str, columns: list[list], text: str = "/report") -> rrb.Horizontal:
-    """Return columns of plots with the texts at their right; ``text`` is the place of the upper one."""
+def _tab(high: float, name: str, columns: list[list], *places: str) -> rrb.Horizontal:
+    """Return columns of plots, ``high`` px each, and texts beside them; ``places`` has the upper ones, by default the report."""
     import rerun.blueprint as rrb
 
     parts = []
     for views in columns:
         if views:
-            # a lane of states needs about a fifth of the height of a plot
-            shares = [0.25 + 0.18 * len(view.contents) if isinstance(view, rrb.StateTimelineView) else 1.0 for view in views]
-            parts.append(rrb.Vertical(*views, row_shares=shares))
+            lanes = [len(view.contents) for view in views if isinstance(view, rrb.StateTimelineView)]
+            share = sum(LANES + LANE * number for number in lanes) / high
+            plot = (1.0 - share) / max(len(views) - len(lanes), 1)
+            parts.append(rrb.Vertical(*views, row_shares=[share] * len(lanes) + [plot] * (len(views) - len(lanes))))
     # the texts contain the time, because the viewer's own time column is too narrow
     log = rrb.archetypes.TextLogColumns(
         timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)],
         text_log_columns=[rrb.encodings.TextLogColumn("Body")],
     )
-    texts = rrb.Vertical(
-        rrb.TextDocumentView(name=text.strip("/").capitalize(), origin=text),
+    texts = [rrb.TextDocumentView(name=place.strip("/").capitalize(), origin=place) for place in places or ("/report",)]
+    beside = rrb.Vertical(
+        rrb.Tabs(*texts, active_tab=0) if len(texts) > 1 else texts[0],
         rrb.TextLogView(name="Events", origin="/events", columns=log),
         row_shares=[2, 1],
     )
-    return rrb.Horizontal(*parts, texts, column_shares=[(1.0 - TEXTS) / max(len(parts), 1)] * len(parts) + [TEXTS], name=name)
+    return rrb.Horizontal(*parts, beside, column_shares=[(1.0 - TEXTS) / max(len(parts), 1)] * len(parts) + [TEXTS], name=name)
 
 
-def _moments(pages: Pages, curves: MomentCurves, column: list[Moment], axis: rrb.TimeAxis, legend: bool) -> list:
+def _moments(pages: Pages, curves: MomentCurves, column: list[Moment], legend: bool) -> list:
     """Return the plots of a column of moments; ``legend`` is True for the first one only, because all have the same colours."""
     import rerun.blueprint as rrb
 
     first, *others = column
+    start, end = curves.page.window(pages)
+    # lanes have no numbers at their left, so theirs begins earlier
+    earlier = (end - start) * NUMBERS / (column_width(len(curves.page.columns)) - NUMBERS)
+    axis, of_lanes = (rrb.TimeAxis(link="Independent", view_range=time_range((t, end))) for t in (start, start - earlier))
     names = [*curves.page.states, *first.lanes] if not others else []
     lanes = [f"/{first.root}/{name}" for name in names if name in first.lanes or name in curves.present]
     lanes += [f"/{one.root}/{name}" for one in column[:MOST_LANES] for name in one.lanes if others]
-    title = first.title if not others else f"{first.title.partition(': ')[2].partition(' at ')[0]}: {len(column)} overlaid"
-    views: list = [rrb.StateTimelineView(name=title, origin="/", contents=lanes, time_view=axis)] if lanes else []
+    title = first.heading if not others else f"{first.title.partition(': ')[2].partition(' at ')[0]}: {len(column)} overlaid"
+    views: list = [rrb.StateTimelineView(name=title, origin="/", contents=lanes, time_view=of_lanes)] if lanes else []
     for heading, plot in curves.page.plots:
         shown = [name for name in plot if name in curves.present]
         if not shown or heading not in curves.heights:
@@ -385,22 +416,23 @@ def _moments(pages: Pages, curves: MomentCurves, column: list[Moment], axis: rrb
     return views
 
 
-def _whole_run(pages: Pages, present: set[str], axis: rrb.TimeAxis) -> tuple[list[list], list, dict[str, list]]:
+def _whole_run(pages: Pages, present: set[str], axis: rrb.TimeAxis, extremes: Extremes) -> tuple[list[list], list, dict]:
     """Return the columns of the plots of a whole run, the plots of all other signals, and those of the rig's own pages by name."""
     import rerun.blueprint as rrb
 
     there = present | {name for name, (_, source) in pages.rates.items() if source in present}
-    own = {name: views for name, plots in pages.more_pages.items() if (views := _plots(pages, there, plots, axis))}
-    left, right = (_plots(pages, there, plots, axis) for plots in (pages.run_left, pages.run_right))
+    made = partial(_plots, pages, there, axis, extremes)
+    own = {name: views for name, plots in pages.more_pages.items() if (views := made(plots))}
+    left, right = made(pages.run_left), made(pages.run_right)
     if pages.box is None:  # what drives and what presses may have any number of plots; a single one would fill its column
         views = left + right
         left, right = views[: (len(views) + 1) // 2], views[(len(views) + 1) // 2 :]
     lanes = _contents(pages, present, pages.states)
     states = [rrb.StateTimelineView(name="States", origin="/", contents=lanes, time_view=axis)] if lanes else []
-    return [states + left, right], _plots(pages, there, pages.other_plots, axis), own
+    return [states + left, right], made(pages.other_plots), own
 
 
-def _plots(pages: Pages, present: set[str], plots: Iterable[tuple[str, Sequence[str]]], axis: rrb.TimeAxis) -> list:
+def _plots(pages: Pages, present: set[str], axis: rrb.TimeAxis, extremes: Extremes, plots: Iterable[tuple]) -> list:
     import rerun.blueprint as rrb
 
     views = []
@@ -409,11 +441,9 @@ def _plots(pages: Pages, present: set[str], plots: Iterable[tuple[str, Sequence[
         if contents:
             contents.append("/" + mark_entity(title))
             unit = pages.signal(names[0]).display_unit
-            views.append(
-                rrb.TimeSeriesView(
-                    name=f"{title} [{unit}]", origin="/", contents=contents, axis_x=axis, plot_legend=rrb.PlotLegend("RightTop")
-                )
-            )
+            ends, legend, name = height_of(pages, names, extremes), rrb.PlotLegend("RightTop"), f"{title} [{unit}]"
+            high = rrb.ScalarAxis(range=ends) if ends else None
+            views.append(rrb.TimeSeriesView(name=name, origin="/", contents=contents, axis_x=axis, axis_y=high, plot_legend=legend))
     return views
 
 

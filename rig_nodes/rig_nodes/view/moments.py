@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 EVENT = "rig_msgs/msg/Event"
 SPARE = 0.1  # s read before and after a moment, because the log time of a message may differ from the time of its values
 STEP = 8.0  # s; part of a long stretch that is in memory at a time
+LONGER, SHORTEST = 1.5, 0.75  # what is shown behind an order: a share of its shift's course, and at least [s]
 COARSE = 4  # with at least so many moments in one column, they are drawn at 1 kHz
-BEHIND = (0, 0, 0, 0)  # colour of a text beside its bar
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,13 @@ class Moment:
     marks: tuple[float, ...]
     lanes: Mapping[str, list[tuple[Part, Colour]]]
     drawn: Mapping[str, tuple[str, np.ndarray, np.ndarray]]
+
+    @property
+    def heading(self) -> str:
+        """The displayed name with the lengths of its stretches, as few bars are long enough for theirs."""
+        parts = sorted((part for bars in self.lanes.values() for part, _ in bars), key=lambda one: one.start)
+        lengths = ", ".join(one.name.replace(" phase", "").removesuffix(" ms") for one in parts)
+        return f"{self.title}; {lengths} ms" if lengths else self.title
 
 
 @dataclass(frozen=True)
@@ -137,8 +144,9 @@ def lanes_of(stretches: Iterable[Stretch]) -> dict[str, list[tuple[Part, Colour]
 def _shift(shift: layout.Shift, row: Mapping | None, overlaid: bool) -> Moment:
     lanes = {} if row is None else lanes_of(stretches_of(row, shift.box))
     marks = (0.0,) if row is None or overlaid else tuple(1e-3 * one.t for one in marks_of(row, shift.box))
-    start, end = shift.window
-    return Moment(f"shift_{shift.number}", shift.title, shift.order, start - shift.order, end - shift.order, marks, lanes, {})
+    last = 0.0 if row is None else max((1e-3 * one.t for one in marks_of(row, shift.box)), default=0.0)
+    end = min(shift.end - shift.order, max(LONGER * last, SHORTEST) if last else np.inf)
+    return Moment(f"shift_{shift.number}", shift.title, shift.order, -layout.BEFORE, end, marks, lanes, {})
 
 
 def measured_pages(pages: Pages, found: Mapping, ends: tuple[float, float]) -> list[Page]:
@@ -316,7 +324,7 @@ class MomentCurves:
     def send(self, rr: ModuleType, rec: RecordingStream) -> None:
         """Send everything to a recording."""
         start, end = self.page.window(self._pages)
-        width = layout.column_width(len(self.page.columns)) / (end - start)
+        width = (layout.column_width(len(self.page.columns)) - layout.NUMBERS) / (end - start)
         for moment, found in self._data:
             for name, (t, values) in found.items():
                 if not len(t):
@@ -344,30 +352,23 @@ class MomentCurves:
 
 
 def send_lane(rr: ModuleType, rec: RecordingStream, place: str, bars: list[tuple[Part, Colour]], end: float, width: float) -> None:
-    """Send bars to a place, up to a time [s] at which the lane ends.
-
-    The text of a bar that is too short for it, at ``width`` pixels a second, is placed after the last bar.
-    """
+    """Send bars to a place, up to a time [s] at which the lane ends; one too short for its text, at ``width`` px/s, has none."""
     if not bars:
         return  # the run ended before the first of them
     looks: dict[str, tuple[str, tuple[int, ...]]] = {}
-    at, states, beside = [], [], []
+    at, states = [], []
     for n, (part, colour) in enumerate(bars):
-        inside = fits(part.name, (part.end - part.start) * width)
         state = f"{n + 1}"
-        looks[state] = (part.name if inside else NO_TEXT, (*colour, 255))
-        beside += [] if inside else [part.name]
+        looks[state] = (part.name if fits(part.name, (part.end - part.start) * width) else NO_TEXT, (*colour, 255))
         at.append(part.start)
         states.append(state)
         following = bars[n + 1][0].start if n + 1 < len(bars) else None
         if following is None or following > part.end + 1e-4:
             at.append(part.end)
-            states.append("beside" if following is None and beside else "")
-    looks["beside"] = (", ".join(one.replace(" phase", "").removesuffix(" ms") for one in beside) + " ms", BEHIND)
-    kept = {state: look for state, look in looks.items() if state in states}
-    values, (labels, colours) = list(kept), zip(*kept.values())
+            states.append("")
+    labels, colours = zip(*looks.values())
     colours = np.array([int.from_bytes(bytes(colour), "big") for colour in colours], np.uint32)
-    rec.log(place, rr.StateConfiguration(values=values, labels=list(labels), colors=colours), static=True)
+    rec.log(place, rr.StateConfiguration(values=list(looks), labels=list(labels), colors=colours), static=True)
     _send_states(rr, rec, place, np.array(at), states, end)
 
 
@@ -385,5 +386,5 @@ def send_marks(
     t = np.append(start, np.repeat(marks, 3))
     values = np.append(np.nan, np.tile([*height, np.nan], len(marks)))
     # both ends of a line lie at the same time; averaging would reduce them to a point
-    rec.log(place, rr.SeriesLines(names="marks", colors=rgb(RULE), widths=1.0, aggregation_policy="Off"), static=True)
+    rec.log(place, rr.SeriesLines(names="order and phases", colors=rgb(RULE), widths=1.0, aggregation_policy="Off"), static=True)
     rec.send_columns(place, [times(rr, t)], rr.Scalars.columns(scalars=values))

@@ -48,6 +48,7 @@ from ..analysis import (
     undefined_lines,
     verdicts_in,
 )
+from ..base import number_text
 from ..rig import Transmission
 from .facts import MADE, energy_rows, facts_of, problems_of
 from .figure_of_compare import figures_of_compare
@@ -255,7 +256,7 @@ def _of_bench(report: Mapping) -> list[tuple[str, list[Part]]]:
     parts = [*table(["result", "value", "unit"], rows), *(lines(bench_lines(report["bench"])) if tests else [])]
     words_of = _words_of(report)
     numbers = [
-        [_named(words_of, row["signal"]), *(f"{row[key]:z.4g}" for key in ("lowest", "mean", "highest")), row["unit"]]
+        [_named(words_of, row["signal"]), *(number_text(row[key] + 0.0) for key in ("lowest", "mean", "highest")), row["unit"]]
         for row in report.get("signals", [])
     ]
     return [("Results", parts), ("Signals", table(["signal", "lowest", "mean", "highest", "unit"], numbers))]

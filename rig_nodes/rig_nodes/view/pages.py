@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from ..bags import rig_record
@@ -39,7 +40,8 @@ STATE_COLOURS = {
 }
 OWN = ("shifts", "run", "other")  # pages that every rig has by default and may replace
 _OF_CLUTCH = ("torque", "slip", "clamp", "piston", "heat")  # quantities of clutches that are shown in the clutch's hue
-_WORDS = {"angular velocity": "speed", "ratio": "share"}  # quantities by the words of titles
+_WORDS = {"angular velocity": "speed", "ratio": "share", "clamp": "clamp force", "hold": "holding torque", "loss": "lost torque"}
+_WORDS["energy residual"] = "error of the energy balance"  # quantities and signals by the words of titles
 _OF_VALVE = ("duty", "flow")
 
 
@@ -242,7 +244,12 @@ class Pages:
     @cached_property
     def marked_plots(self) -> Plots:
         """The plots that have a vertical line at each order."""
-        return tuple(dict.fromkeys(self.run_left + self.run_right + self._more)) if self.box else ()
+        return tuple(dict.fromkeys(self.run_left + self.run_right + self._more + self.warm)) if self.box else ()
+
+    @property
+    def warm(self) -> Plots:
+        """The plot of the temperatures of plates, which a recorded run has."""
+        return (("Plate temperature", tuple(self.plates)),) if self.plates else ()
 
     @cached_property
     def more_pages(self) -> dict[str, Plots]:
@@ -281,11 +288,16 @@ class Pages:
         return device.role if device else signal.topic.strip("/").partition("/")[0]
 
     def _title(self, quantity: str, signals: Iterable[Signal]) -> str:
-        """Return a title of quantity and devices."""
-        devices = [self._device_of(one) for one in signals]
-        named = dict.fromkeys(device.called if device else self._role_of(one) for device, one in zip(devices, signals))
-        what = _WORDS.get(quantity, quantity)
-        return f"{what.capitalize()} of {', '.join(named)}".replace("_", " ")
+        """Return a title of what the signals are, or where they have no common word their quantity, and devices."""
+        named, words = {}, []
+        for one in signals:
+            device, said = self._device_of(one), self.words(one.name)
+            named[device.called if device else self._role_of(one)] = None
+            shows = next((each.shows.rpartition(".")[2] for each in self.structure.transducers if each.name == one.name), "")
+            words.append((shows.replace("_", " ") or said.removeprefix(device.called.replace("_", " ") if device else "")).split())
+        what = " ".join(same[0] for same in takewhile(lambda same: len(set(same)) == 1, zip(*words))) or quantity
+        what = _WORDS.get(what, what).capitalize()
+        return what if " of " in what else f"{what} of {', '.join(named)}".replace("_", " ")
 
     def _there(self, names: Iterable[str]) -> tuple[str, ...]:
         return tuple(name for name in names if name in self.known.signals)
@@ -305,6 +317,7 @@ class Pages:
         def put(names: Iterable[str], colour: str, demanded: bool = False) -> None:
             found.update(dict.fromkeys(names, Look(colour, demanded)))
 
+        put(self.measured(types=("force",)), CLUTCHES[1])
         for one in structure.of_role(parts.SOURCE):
             put((*self.measured(at=one.name), *self.own(one, "work", "speed")), INPUT)
             put((*self.own(one, "torque"), *self.setpoints(one)), INPUT, True)
@@ -327,7 +340,6 @@ class Pages:
             if press := clutch.wires.get("press"):
                 put(self.measured(at=press, types=("pressure", "travel")), colour)
                 put(self.own(structure.device(press), "setting"), colour, True)
-        put(self.measured(types=("force",)), CLUTCHES[1])
         return self._told_apart(found)
 
     def _told_apart(self, given: Mapping[str, Look]) -> dict[str, Look]:

@@ -19,7 +19,7 @@ SETTLING = "settling"
 PHASES = (FILL, TORQUE, INTERRUPTED, INERTIA, SETTLING)
 GROUND, INK, NOTE, RULE, GRID = "ground", "ink", "note", "rule", "grid"  # NOTE is of small words, RULE of axes
 LIMIT, MET = "limit", "met"
-PALER = 0.5  # share of white in the colour of a demanded value, where there are no line styles
+PALER = 0.35  # share of white in the colour of a demanded value, where there are no line styles
 BRIGHTER = 2.2  # factor of a phase's colour where it is a bar instead of a ground
 
 LIGHT = {
@@ -74,6 +74,8 @@ DARK = {
     "poor": "#a9440f",
     "failed": "#b0202f",
 }
+# of curves in the viewer, whose file has one colour for windows with a light and with a dark ground
+MIDDLE = dict(zip(CURVES, ("#259161", "#b9448f", "#2198f7", "#d1821c", "#4c53f7", "#7d6022", "#27695c", "#949494")))
 ON_GRADE = "#fefefe"  # of letters on the colour of a grade
 _NAMES = {colour: name for name, colour in LIGHT.items()}
 
@@ -103,8 +105,8 @@ def _variable(name: str) -> str:
 
 
 def rgb(name: str, demanded: bool = False) -> tuple[int, int, int]:
-    """Return red, green and blue of a colour of the dark palette in the viewer: a demanded value is paler, a phase brighter."""
-    more = BRIGHTER if name in PHASES else 1.0
-    parts = (min(round(more * int(DARK[name][place : place + 2], 16)), 255) for place in (1, 3, 5))
+    """Return red, green and blue of a colour in the viewer: a demanded value is paler, a phase brighter."""
+    more, colour = BRIGHTER if name in PHASES else 1.0, MIDDLE.get(name, DARK[name])
+    parts = (min(round(more * int(colour[place : place + 2], 16)), 255) for place in (1, 3, 5))
     red, green, blue = (round(part + PALER * (255 - part)) if demanded else part for part in parts)
     return red, green, blue

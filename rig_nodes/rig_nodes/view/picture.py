@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base import MAKER, RigError, atomic_write
+from .palette import CURVES, OTHER, rgb
 from .viewer import child, surroundings
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ NO_DRIVER = "no picture without a software Vulkan driver; install the Debian pac
 SIZE = (1600, 1720)
 PNG_HEAD = 33  # bytes of its signature and its first chunk
 LONGEST = 60.0  # s; time limit of the whole picture
+SAME = 10  # difference of red, green or blue up to which a pixel has a colour
 SETTLED = 3  # successive equal images after which the drawing counts as finished
 PAUSE = 0.25  # s between them
 
@@ -101,15 +103,15 @@ def lightened(image: bytes) -> bytes:
     """Return a PNG of the viewer with dark letters on a light ground, for paper.
 
     Without a window the viewer is always dark. This function inverts the lightness of each pixel and keeps its hue: it adds the
-    same amount to red, green and blue. A colour of a curve that would become paler is left unchanged, so that it stands out.
+    same amount to red, green and blue. The colours of curves stand out from both grounds and are left unchanged.
     """
     from PIL import Image
 
     colours = np.asarray(Image.open(io.BytesIO(image)).convert("RGB")).astype(np.int16)
     high, low = colours.max(axis=2, keepdims=True), colours.min(axis=2, keepdims=True)
-    vivid = (high - low > 80) & (high + low > 170)
-    more = 255 - high - low
-    turned = colours + np.where(vivid & (more > 0), 0, more)
+    curves = [rgb(name, demanded) for name in CURVES if name != OTHER for demanded in (False, True)]
+    kept = np.logical_or.reduce([np.abs(colours - np.array(one, np.int16)).max(axis=2, keepdims=True) <= SAME for one in curves])
+    turned = colours + np.where(kept, 0, 255 - high - low)
     out = io.BytesIO()
     Image.fromarray(turned.astype(np.uint8)).save(out, "png")
     return out.getvalue()

@@ -62,16 +62,35 @@ def _supply(pages: Pages) -> list[str]:
 
 
 def _setpoints(pages: Pages, *roles: str) -> list[str]:
-    return [name for one in pages.structure.of_role(*roles) for name in pages.setpoints(one)]
+    """Return setpoints of speed; that of an engine led by its throttle only follows the engine."""
+    led = [one for one in pages.structure.of_role(*roles) if not pages.measured(f"{one.name}.throttle")]
+    return [name for one in led for name in pages.setpoints(one)]
+
+
+def _of_the_shaft(pages: Pages) -> list[str]:
+    """Return the setpoints of what turns the input shaft; another source has a speed of its own, which is not the shaft's."""
+    return [name for one in pages.structure.of_role(parts.SOURCE) if not pages.own(one, "speed") for name in pages.setpoints(one)]
+
+
+def _torques(pages: Pages) -> list[str]:
+    """Return the torques of sources and of loads on the output shaft; that of a load behind a further ratio has another scale."""
+    loads = [one for one in pages.structure.of_role(parts.LOAD) if one.wires.get("body") == pages.box.output.body]
+    return list(pages.each((*_sources(pages), *loads), "torque"))
 
 
 def _of_role(*roles: str) -> Callable[[Pages], tuple[Device, ...]]:
     return lambda pages: pages.structure.of_role(*roles)
 
 
-_sources, _loads, _turning, _pressing = (
-    _of_role(*roles) for roles in ((parts.SOURCE,), (parts.LOAD,), (parts.SOURCE, parts.LOAD), (parts.PRESS,))
-)
+_sources, _turning, _pressing = (_of_role(*roles) for roles in ((parts.SOURCE,), (parts.SOURCE, parts.LOAD), (parts.PRESS,)))
+
+
+def _devices(pages: Pages) -> tuple[Device, ...]:
+    return pages.structure.devices
+
+
+def _measured(what: str) -> Callable[[Pages, Device], tuple[str, ...]]:
+    return lambda pages, one: pages.measured(at=one.name, types=(what,))
 
 
 def _of_clutches(*what: str) -> Callable[[Pages], tuple[str, ...]]:
@@ -92,25 +111,21 @@ PLOTS = (
     Plot("Speed", (COAST,), lambda pages: pages.shafts("speed")),
     Plot("Shaft torque", (SHIFT, COAST), lambda pages: pages.shafts("torque")),
     Plot("Clutch pressure", (COAST,), lambda pages: pages.pressures()),
-    Plot(
-        "Shaft, motor and load torque",
-        (RIGHT,),
-        lambda pages: (*pages.shafts("torque"), *pages.each((*_sources(pages), *_loads(pages)), "torque")),
-    ),
+    Plot("Shaft, motor and load torque", (RIGHT,), lambda pages: (*pages.shafts("torque"), *_torques(pages))),
     Plot(
         "Clutch torque",
         (SHIFT, RIGHT),
         lambda pages: (*_of_clutches("torque", "capacity")(pages), *pages.each(pages.structure.freewheels, "torque")),
     ),
     Plot("Speed", (SHIFT,), lambda pages: (*pages.shafts("speed"), *_of_clutches("slip")(pages))),
-    Plot("Shaft speed", (RIGHT,), lambda pages: (*pages.shafts("speed"), *_setpoints(pages, parts.SOURCE))),
+    Plot("Shaft speed", (RIGHT,), lambda pages: (*pages.shafts("speed"), *_of_the_shaft(pages))),
     Plot("Slip", (RIGHT,), _of_clutches("slip")),
     Plot("Heat in the clutches", (RIGHT,), _of_clutches("heat")),
-    Plot("Measured torque", (BENCH_LEFT,), lambda pages: pages.measured(types=("torque",))),
+    Plot("Measured torque at {called}", (BENCH_LEFT,), _measured("torque"), _devices),
     Plot("Torque of drive and load", (BENCH_LEFT,), lambda pages: pages.each(_turning(pages), "torque")),
     Plot("Clutch torque", (BENCH_LEFT,), _of_clutches("torque", "capacity")),
     Plot("Speed", (BENCH_LEFT,), lambda pages: (*pages.measured(types=("speed",)), *_setpoints(pages, parts.SOURCE, parts.LOAD))),
-    Plot("Pressure at {called}", (BENCH_LEFT,), lambda pages, one: pages.measured(at=one.name, types=("pressure",)), _turning),
+    Plot("Pressure at {called}", (BENCH_LEFT,), _measured("pressure"), _turning),
     Plot(
         "Pressure in the {called}",
         (BENCH_RIGHT,),
@@ -124,10 +139,5 @@ PLOTS = (
         lambda pages, one: pages.own(one, "clamp"),
         lambda pages: pages.structure.clutches,
     ),
-    Plot(
-        "Force at {called}",
-        (BENCH_RIGHT,),
-        lambda pages, one: pages.measured(at=one.name, types=("force",)),
-        lambda pages: pages.structure.devices,
-    ),
+    Plot("Force at {called}", (BENCH_RIGHT,), _measured("force"), _devices),
 )
