@@ -28,8 +28,9 @@ SILENT, STOOD = "controller_silent", "stood_still"
 # name of the trip of a process that stands still for seconds, what is told first, and in the last line
 TRIPS = {
     "container": (STOOD, "the container stands still for 1.", "still for"),
-    "recorder": (STOOD, *2 * ("the recorder stands still for 1.",)),
-    "sequencer": (STOOD, *2 * ("the sequencer stands still for 1.",)),
+    # 1.0 s at the trip; a run that has not ended by then is ended at 10.0 s, which is as long as the longest stop
+    "recorder": (STOOD, "the recorder stands still for 1.", "the recorder stands still for 1"),
+    "sequencer": (STOOD, "the sequencer stands still for 1.", "the sequencer stands still for 1"),
     "alfa46": (SILENT, *2 * ("valve commands older than 100 ms",)),
 }
 BESIDE = ("supervisor", "forkserver")  # the rig goes on without them
