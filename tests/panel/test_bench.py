@@ -51,6 +51,9 @@ def test_an_order_that_waits_for_a_rig_is_refused_with_its_end_and_not_given_to_
         next_one = subprocess.Popen([sys.executable, "-c", RIG], env=environment(domain))
         try:
             assert bench.trigger("/rig/reset").result(20) == "order 1"
+            over = time.monotonic() + 20.0  # its publisher may be discovered after its service
+            while "rig" not in bench.holders() and time.monotonic() < over:
+                time.sleep(0.01)
             assert bench.holders()["rig"]
         finally:
             next_one.kill()
