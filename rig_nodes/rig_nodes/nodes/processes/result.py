@@ -61,15 +61,16 @@ def facts_of(folder: Path) -> dict[str, dict]:
 def join_pieces(folder: Path) -> None:
     """Make one bag of the pieces that killed and restarted recorders left.
 
-    It does nothing with one piece, and with those that metadata.yaml lists, as a recorder that was not killed leaves them. The
-    pieces are removed when the whole bag is written. What was lost between them stays lost and is counted as lost.
+    It does nothing with one piece, with those that metadata.yaml lists, as a recorder that was not killed leaves them, and in a
+    folder that takes no more files, which are read as they are. The pieces are removed when the whole bag is written. What was lost
+    between them stays lost and is counted as lost.
     """
     # <name>_0.mcap, <name>_1.mcap, ...
     try:
         pieces = files_of_run(folder)
     except RigError:
         return  # no bag at all, which open_bag reports
-    if len(pieces) < 2 or {piece.name for piece in pieces} <= set(_listed(folder)):
+    if len(pieces) < 2 or {piece.name for piece in pieces} <= set(_listed(folder)) or not os.access(folder, os.W_OK):
         return
     joined = folder / "joined"
     sent: set[tuple[str, bytes]] = set()  # messages on latched topics
