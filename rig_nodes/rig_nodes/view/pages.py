@@ -40,8 +40,14 @@ STATE_COLOURS = {
 }
 OWN = ("shifts", "run", "other")  # pages that every rig has by default and may replace
 _OF_CLUTCH = ("torque", "slip", "clamp", "piston", "heat")  # quantities of clutches that are shown in the clutch's hue
-_WORDS = {"angular velocity": "speed", "ratio": "share", "clamp": "clamp force", "hold": "holding torque", "loss": "lost torque"}
-_WORDS["energy residual"] = "error of the energy balance"  # quantities and signals by the words of titles
+_WORDS = {  # of titles, by those of quantities and signals
+    "angular velocity": "speed",
+    "ratio": "share",
+    "clamp": "clamp force",
+    "hold": "holding torque",
+    "loss": "lost torque",
+    "energy residual": "error of the energy balance",
+}
 _OF_VALVE = ("duty", "flow")
 
 
