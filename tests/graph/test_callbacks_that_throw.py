@@ -52,12 +52,12 @@ class BrokenGraph(Graph):
     def poke(self):
         """Has the callback called, where nothing in the graph does so."""
         kind, node, *what = self.label.split(" ", 2)
-        self.armed.touch()
         user = Client(self.domain)
         try:
             name = what[0].replace("~", f"/{node}") if what else ""
             name = name if name.startswith("/") or not name else f"/{name}"
             act = self._act(user, kind, node, name)
+            self.armed.touch()  # not before: where the graph itself calls the callback, the rig has soon ended
             until = time.monotonic() + WITHIN
             while time.monotonic() < until and not self.told():
                 act()  # again and again, because the first may not arrive everywhere
