@@ -72,9 +72,8 @@ def read_only():
     made = []
 
     def make(folder):
-        mounted(folder, "--bind", str(folder))
+        mounted(folder, "-o", "bind,ro", str(folder))  # at once: a file that is made between two steps would keep it writable
         made.append(folder)
-        subprocess.run(["mount", "-o", "remount,bind,ro", str(folder)], check=True)
 
     yield make
     for folder in made:

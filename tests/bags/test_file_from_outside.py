@@ -139,6 +139,20 @@ def test_a_disk_that_others_fill_at_once_is_named_with_what_is_readable(small_di
         assert left.f_bavail * left.f_frsize > 64 * 1024, "what was kept for the end and not used is there for the report"
 
 
+def test_a_disk_without_room_for_the_end_of_a_bag_is_refused_before_a_file_is_left(small_disk):
+    for size in range(4, 130, 6):
+        with small_disk(size) as disk:
+            try:
+                sentence, kind, _ = written(disk / "run", lambda: None)
+            except DiskFull as refused:
+                assert "/run_0.mcap has room for " in str(refused) and not list((disk / "run").iterdir()), size
+                opened = False
+            else:
+                assert kind is DiskFull and "was ended in order" in sentence and Bag(disk / "run").end["reason"] == sentence, size
+                opened = True
+    assert opened, "the largest has room"
+
+
 @pytest.mark.parametrize("size", [1000, 1100, 1200])
 def test_a_bag_of_large_messages_is_ended_in_order_before_the_disk_is_full(small_disk, size):
     """What comes between two looks at the disk is larger than the reserve."""

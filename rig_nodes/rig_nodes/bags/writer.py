@@ -166,6 +166,8 @@ class BagWriter:
         ------
         RigError
             When the file already exists or cannot be made.
+        DiskFull
+            When the disk has no room for the end of a bag; no file is left then.
         """
         self.folder = Path(folder)
         self.custom: dict[str, str] = {}  # further facts for metadata.yaml
@@ -187,6 +189,10 @@ class BagWriter:
             at = error.filename or self.folder
             raise RigError(f"{at} cannot be made ({error.strerror}); name a folder that can be written") from None
         self._writer = self._guard(self._begin)
+        if (left := self._room()) < RESERVE:  # not even an empty bag could be ended
+            self._close_file()
+            self.path.unlink()
+            raise DiskFull(f"{self.path} has room for {max(0, left) // 1024} kB, less than a bag's end needs; free 1 MB of its disk")
 
     def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement") -> None:
         """Store one encoded message as it is.
