@@ -117,7 +117,7 @@ class Numbers:
         ends = np.concatenate([begins[1:], [True]])
         joined = np.stack([spans[begins, 0], reached[ends]], axis=1)
         life = joined[:, 0] >> LIFE_BITS
-        return [joined[life == number] - (number << LIFE_BITS) for number in np.unique(life)]
+        return [joined[life == number] - (number << LIFE_BITS) for number in np.unique(life).tolist()]
 
 
 def _spans_of(seqs: np.ndarray) -> np.ndarray:
@@ -148,7 +148,7 @@ def has_one_sender(bag: Bag, topic: str) -> bool:
 def lives_of(seqs: np.ndarray) -> list[np.ndarray]:
     """Return the sequence numbers of each start of a publisher, from 0 on."""
     life = seqs >> LIFE_BITS
-    return [seqs[life == number] & ((1 << LIFE_BITS) - 1) for number in np.unique(life)]
+    return [seqs[life == number] & ((1 << LIFE_BITS) - 1) for number in np.unique(life).tolist()]
 
 
 def holes(seqs: np.ndarray) -> int:

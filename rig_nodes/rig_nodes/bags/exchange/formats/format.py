@@ -65,7 +65,7 @@ _TEXTS = (
 
 def is_loggers_file(name: str) -> bool:
     """Return True for the name of a file that is imported, and of none that belongs to a run."""
-    return Path(name).is_file() and not name.lower().endswith((".mcap", ".db3", ".yaml", ".json"))
+    return Path(name).is_file() and not name.lower().endswith((".mcap", ".mcap.zstd", ".db3", ".yaml", ".json"))
 
 
 @dataclass(frozen=True)
