@@ -52,9 +52,9 @@ def config():
 
 @pytest.fixture
 def python_controller(tmp_path, config):
-    """Loads a class whose step has the given body; ``levels`` and ``initialize`` may be given too."""
+    """Loads a class whose step has the given body; ``levels`` and ``initialize`` may be given too, and "@in-process"."""
 
-    def make(step, head="", level=None):
+    def make(step, head="", level=None, where=""):
         body = textwrap.indent(textwrap.dedent(step).strip(), " " * 8)
         path = tmp_path / "mine.py"
         path.write_text(
@@ -63,7 +63,7 @@ def python_controller(tmp_path, config):
             f"    def step(self, inputs):\n{body}\n"
             "    def terminate(self):\n        open(__file__ + '.ended', 'a').write('x')\n"
         )
-        return load_controller(f"python:{path}:Mine", config, level)
+        return load_controller(f"python:{path}:Mine{where}", config, level)
 
     return make
 

@@ -59,13 +59,12 @@ def test_built_in_and_plug_agree_at_every_delay_and_delays_differ(tmp_path, caps
         seen = {}
         for name, spec in (("built-in", "alfa46"), ("python", PYTHON)):
             folder = tmp_path / f"{name}-{delay}"
-            assert main(["simulate", "sample", "--delay", delay, "--controller", spec, "--out", str(folder)]) == 0
+            given = ["--delay", delay] if (name, delay) != ("built-in", "1") else []  # 1 is what everybody has
+            assert main(["simulate", "sample", *given, "--controller", spec, "--out", str(folder)]) == 0
             seen[name] = commands(folder)
         assert len(set(seen.values())) == 1
         hashes |= set(seen.values())
     assert len(hashes) == 3
-    assert main(["simulate", "sample", "--out", str(tmp_path / "plain")]) == 0
-    assert commands(tmp_path / "plain") == commands(tmp_path / "python-1"), "1 is what everybody has"
 
 
 @pytest.mark.parametrize(

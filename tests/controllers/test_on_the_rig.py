@@ -21,7 +21,7 @@ from rig_nodes.runs.rig import Rig
 from rig_nodes.runs.rig_base import RigStatus
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.simulation import advance_with, simulate
-from rig_nodes.studies.benchmark.step_cost import controllers_table
+from rig_nodes.studies.benchmark.step_cost import CASES, measure
 
 from .conftest import PYTHON
 
@@ -36,6 +36,7 @@ steps:
   - motor: {speed: 300 rpm}
   - wait: {for: 1 s}
 """
+COSTS = ("built-in through the seam", "UDP, Python program")  # measured in every run: one inside and one that is a program
 # acts as the Alfa46 until FAIL_AT and then executes the code of the test
 WRAPPED = """
 from rig_nodes.controllers import ControllerOutputs, Status
@@ -364,6 +365,9 @@ def test_the_first_shift_page_works_as_it_is_written(kind, page, count, tmp_path
             program.wait()
 
 
-def test_the_cost_of_each_plug_is_measured(config):
-    for cost in controllers_table(config, steps=100):
-        assert cost.missing or 1.0 < cost.median_us <= cost.p99_us
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, id=case.name, marks=() if case.name in COSTS else pytest.mark.campaign) for case in CASES]
+)
+def test_the_cost_of_each_plug_is_measured(config, case):
+    cost = measure(case, config, steps=100)
+    assert cost.missing or 1.0 < cost.median_us <= cost.p99_us

@@ -16,6 +16,13 @@ from rig_nodes.runs.simulation import simulate
 from .conftest import C_FRAME, PYTHON, ask
 from .test_own_process import framed
 
+SEQUENCE = """
+description: the input shaft turns, and gear I comes
+steps:
+  - motor: {speed: 300 rpm}
+  - oil: {pressure: 4 MPa}
+  - shift: {to: I, timeout: 2 s}
+"""
 COUNTING = """
 from rig_nodes.controllers import Status
 from rig_nodes.controllers.examples.alfa46 import Alfa46
@@ -32,12 +39,18 @@ class Mine(Alfa46):
 """
 
 
-def test_they_are_in_the_bag_by_name(config, tmp_path):
+@pytest.fixture
+def sequence(tmp_path):
+    (tmp_path / "sequence.yaml").write_text(SEQUENCE)
+    return load_sequence(tmp_path / "sequence.yaml", default="hydmag")
+
+
+def test_they_are_in_the_bag_by_name(config, sequence, tmp_path):
     (tmp_path / "mine.py").write_text(COUNTING)
     hashes = []
     for name in ("one", "other"):
         plug = load_controller(f"python:{tmp_path / 'mine.py'}:Mine", config)
-        run = simulate(config, load_sequence("sample"), tmp_path / name, controller=plug)
+        run = simulate(config, sequence, tmp_path / name, controller=plug)
         assert run["end"]["state"] == "ended"
         hashes.append(Bag(tmp_path / name).canonical_hash())
     assert hashes[0] == hashes[1]
@@ -53,8 +66,8 @@ def test_they_are_in_the_bag_by_name(config, tmp_path):
     assert not any(bag.gaps().values()) and bag.check() == []
 
 
-def test_without_them_the_bag_has_no_such_topic(config, tmp_path):
-    simulate(config, load_sequence("sample"), tmp_path / "run", controller=load_controller(PYTHON, config))
+def test_without_them_the_bag_has_no_such_topic(config, sequence, tmp_path):
+    simulate(config, sequence, tmp_path / "run", controller=load_controller(PYTHON, config))
     assert not {"/controller/signals", "/controller/channels"} & set(Bag(tmp_path / "run").canonical_hash())
 
 
@@ -80,13 +93,13 @@ def test_blocks_are_five_samples_and_holes_are_none():
 )
 def test_names_that_cannot_be_recorded_are_refused(python_controller, signals, sentence):
     with pytest.raises(RigError, match=sentence):
-        python_controller("return Out()", f"signals = {signals}")
+        python_controller("return Out()", f"signals = {signals}", where="@in-process")
 
 
 @pytest.mark.parametrize("given", ["None", "{}", "{'slip': 'fast'}"])
 def test_a_signal_without_its_value_is_an_error(python_controller, given):
     with pytest.raises(ControllerFailed, match="expected a number for each of slip"):
-        ask(python_controller(f"return Out(signals={given})", "signals = ('slip',)"))
+        ask(python_controller(f"return Out(signals={given})", "signals = ('slip',)", where="@in-process"))
 
 
 C_SIGNALS = (

@@ -135,7 +135,7 @@ def udp_python(folder, _config, port):
 
 
 def fmu(folder, config, _port):
-    build_controller_fmu([folder / "mine.c"], folder / "mine.fmu", config, flags=["-Werror"])
+    build_controller_fmu([folder / "mine.c"], folder / "mine.fmu", config, flags=["-Werror", "-O0"])
     assert validate_fmu(str(folder / "mine.fmu")) == []
     return f"fmu:{folder / 'mine.fmu'}", None
 

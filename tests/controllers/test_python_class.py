@@ -86,7 +86,7 @@ def test_the_level_is_chosen_by_the_user_else_by_the_class(python_controller, co
     ],
 )
 def test_what_no_valve_can_be_given_is_an_error_in_one_sentence(python_controller, tmp_path, step, sentence):
-    plug = python_controller(step)
+    plug = python_controller(step, where="@in-process")  # test_python_process.py has what a process of its own adds
     with pytest.raises(ControllerFailed, match=sentence) as failure:
         ask(plug, 5)
     assert f"{plug.name}, sample 5: " in str(failure.value) and "\n" not in str(failure.value)

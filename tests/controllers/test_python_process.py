@@ -139,7 +139,7 @@ def test_a_class_that_does_not_come_to_its_first_step_is_refused(controller, mon
 @pytest.mark.parametrize(
     ("what", "sentence"),
     [
-        ("while True: pass", "terminate did not return within 2 s"),
+        (STAYS, "terminate did not return within 2 s"),
         ("os._exit(0)", "in terminate the controller's process ended itself with exit code 0"),
         ("sys.exit(3)", "terminate failed: mine.py line 13: SystemExit: 3"),
         (

@@ -118,7 +118,7 @@ def box(messages, tmp_path_factory):
     law = ["cc", "-std=c99", "-O1", "-ffp-contract=off", f"-I{INCLUDE}", *of_a_rig, "-c", ALFA46_C, "-o", folder / "law.o"]
     subprocess.run(law, check=True)
     command = ["c++", *STRICT, f"-I{INCLUDE}", f"-I{RECORD}", *messages, folder / "main.cpp", folder / "law.o", "-lm"]
-    sanitized = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    sanitized = ["-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]  # compiles in half the time
     if subprocess.run([*command, *sanitized, "-o", folder / "box"], capture_output=True).returncode:
         subprocess.run([*command, "-o", folder / "box"], check=True)
     return folder / "box"

@@ -26,6 +26,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "how_to"
 PYTHONS = ("python3", ".venv/bin/python")
 OWN_CLOCK = ("can", "modbus")  # programs that are not started with a run
 AS_C = ("cpp", "simulink", "udp-c")  # compiled in every run of the tests, and run as a whole in a campaign, as c is in each
+CHECKED = ("c", "python")  # in every run of the tests; the check of the others takes seconds of the processor, or of the wall
 
 
 REAL_TIME = pytest.mark.against_the_clock
@@ -34,14 +35,10 @@ REAL_TIME = pytest.mark.against_the_clock
 @pytest.mark.parametrize(
     ("kind", "checks"),
     [
-        # the check of a program's steps takes their time, or the time of the wall, which tests against the clock have alone
         *(pytest.param(kind, False, marks=REAL_TIME, id=kind) for kind in OWN_CLOCK),
         *(pytest.param(kind, True, marks=[REAL_TIME, pytest.mark.campaign], id=f"{kind} with its check") for kind in OWN_CLOCK),
-        *(
-            pytest.param(kind, "-python" not in kind, id=kind, marks=pytest.mark.campaign if kind in AS_C else ())
-            for kind in TEMPLATES
-            if kind not in OWN_CLOCK
-        ),
+        *(pytest.param(kind, kind in CHECKED, id=kind) for kind in TEMPLATES if kind not in (*OWN_CLOCK, *AS_C)),
+        *(pytest.param(kind, True, id=f"{kind} with its check", marks=pytest.mark.campaign) for kind in (*AS_C, "fmu", "ros-cpp")),
     ],
 )
 def test_it_shifts_by_the_commands_that_are_printed(kind, checks, tmp_path, monkeypatch, capsys, request, on_own_port):
@@ -63,6 +60,7 @@ def test_it_shifts_by_the_commands_that_are_printed(kind, checks, tmp_path, monk
                 continue
             if command[:2] in (["./rig", "export"], ["./rig", "controller"]):
                 assert main(command[1:]) == 0, capsys.readouterr()
+                assert kind not in CHECKED or "13 of 13 passed" in capsys.readouterr().out
             elif command[0] == "./rig":
                 command[command.index("demo")] = "sample"  # the shorter sequence
                 assert main([*command[1:], "--out", "run"]) == 0, capsys.readouterr().err  # one program serves check and run
@@ -139,13 +137,6 @@ def test_a_program_says_where_it_waits(kind, sentence, tmp_path, ros_domain):
     finally:
         program.kill()
         program.communicate()
-
-
-def test_a_template_passes_the_conformance_set(tmp_path, capsys):
-    folder = tmp_path / "mine"
-    assert main(["controller", "new", "python", str(folder)]) == 0
-    assert main(["controller", "check", f"python:{folder / 'my_controller.py'}:MyController"]) == 0
-    assert "13 of 13 passed" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("language", ["python", "simulink"])

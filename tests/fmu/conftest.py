@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from rig_nodes.controllers.c.library import INCLUDE
 from rig_nodes.controllers.fmi.importer import Fmu
-from rig_nodes.runs.fmu.build import build_rig_fmu
+from rig_nodes.rig.configuration import load_rig
+from rig_nodes.runs.fmu.build import build_controller_fmu, build_rig_fmu
 
 sys.path.insert(0, str(Path(__file__).parent))  # for test_state.py
 
@@ -23,6 +25,20 @@ def rig_fmu(tmp_path_factory):
         if fmi not in built:
             built[fmi] = folder / f"hydmag{fmi}.fmu"
             build_rig_fmu(built[fmi], "hydmag", fmi=fmi)
+        return built[fmi]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def controller_fmu(tmp_path_factory):
+    """Returns the path of the reference controller as an FMU of a version of FMI, in a folder of its own."""
+    built, flags = {}, ["-O0"]  # in half the time of -O2; tests/controllers/test_fmu.py compares bits
+
+    def get(fmi):
+        if fmi not in built:
+            built[fmi] = tmp_path_factory.mktemp("controller") / "alfa46.fmu"
+            build_controller_fmu([INCLUDE.parent / "examples" / "alfa46.c"], built[fmi], load_rig("hydmag"), fmi, flags)
         return built[fmi]
 
     return get

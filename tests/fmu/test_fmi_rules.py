@@ -12,24 +12,13 @@ from fmpy import read_model_description, simulate_fmu
 
 import rig_nodes
 from rig_nodes.base.errors import RigError
-from rig_nodes.controllers.c.library import INCLUDE
 from rig_nodes.controllers.fmi.importer import Fmu, FmuFailed
 from rig_nodes.rig.configuration import load_rig
-from rig_nodes.runs.fmu.build import build_controller_fmu
 from rig_nodes.runs.fmu.rig_variables import Reader, Values, rig_variables, with_parameters
 from rig_nodes.runs.rig import Rig
 
 PACKAGE = Path(rig_nodes.__file__).parents[1]
 SI = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-
-
-@pytest.fixture(scope="module")
-def controller_fmu(tmp_path_factory):
-    """Returns the path of the reference controller as an FMU of each version."""
-    folder = tmp_path_factory.mktemp("controller")
-    for fmi in (2, 3):
-        build_controller_fmu([INCLUDE.parent / "examples" / "alfa46.c"], folder / f"{fmi}.fmu", load_rig("hydmag"), fmi)
-    return lambda fmi: folder / f"{fmi}.fmu"
 
 
 # ---- the order of calls

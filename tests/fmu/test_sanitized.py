@@ -20,7 +20,7 @@ from rig_nodes.runs.fmu.rig_variables import rig_variables
 PACKAGE = Path(fmu.__file__).parents[2]
 ALFA46_C = INCLUDE.parent / "examples" / "alfa46.c"
 SANITIZE = ["-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-STRICT = ["-std=gnu11", "-O1", "-Wall", "-Wextra", "-Werror"]
+STRICT = ["-std=gnu11", "-O0", "-Wall", "-Wextra", "-Werror"]
 
 
 def build(folder, header, sources):

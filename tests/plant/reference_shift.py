@@ -90,6 +90,7 @@ class Equations:
         self.astm = (t1, w1, (w2 - w1) / (t2 - t1))
         self.thick = self.viscosity(oil.temperature)
         self.drops = {}
+        self.settled = 0.0, 0.0  # torques that the clutches carry and at the output's meter, where the next search begins
 
     # ---- coil and magnet, in closed form over the millisecond that began at t0
 
@@ -257,10 +258,9 @@ class Equations:
         stuck = [k for k in range(2) if self.modes[k] == STUCK]
         if len(stuck) > 1:
             raise ValueError("both clutches stick")
-        carried, meter = 0.0, load
-        for _ in range(
-            60
-        ):  # the losses depend on the torques that they change, so they are iterated: a contraction by a factor below 0.2
+        carried, meter = self.settled
+        for _ in range(60):
+            # the losses depend on the torques that they change, so they are iterated: a contraction by a factor below 0.2
             u = abs(carried) if into.square >= 0.0 else min(abs(carried), -0.5 * into.share / into.square)
             loss_in = by_speed + max(0.0, into.constant + into.share * u + into.square * u * u)
             m = abs(meter)
@@ -285,6 +285,7 @@ class Equations:
             carried = sum(a * torque for (a, _), torque in zip(SLIPS, torques))
             meter = load + self.c.M_wyj.inertia * rates[1]
             if abs(carried - before[0]) + abs(meter - before[1]) < 1e-12 * (1.0 + abs(meter)):
+                self.settled = carried, meter
                 return rates, torques, viscous, slips, meter
         raise ValueError("the losses by torque do not settle")
 

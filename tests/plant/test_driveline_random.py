@@ -192,11 +192,11 @@ def check(seed, everything=True, over_two=False):
 
 def test_some_random_drivelines():
     """Seed 0 alone takes longer than all of these; it is among the two thousand."""
-    assert sum(check(seed) for seed in range(13, 39)) > 15
+    assert sum(check(seed) for seed in range(13, 31)) > 10
 
 
 def test_some_random_drivelines_with_laws_over_two_quantities_and_varying_ratios():
-    assert sum(check(seed, everything=seed % 2 == 1, over_two=True) for seed in range(300, 316)) > 10
+    assert sum(check(seed, everything=seed % 2 == 1, over_two=True) for seed in range(300, 310)) > 6
 
 
 @pytest.mark.parametrize(

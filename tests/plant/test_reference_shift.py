@@ -17,7 +17,7 @@ from rig_nodes.rig.configuration import load_rig
 from rig_nodes.runs.rig import Rig
 
 RPM = math.pi / 30.0
-BEFORE, AFTER = 200, 1300  # ms recorded before and after the order
+BEFORE, AFTER = 200, 1000  # ms recorded before and after the order
 FINER = 100  # rows interpolated between two logger rows, because the metrics count in whole rows
 METRICS = ("t_dt_s", "t_p_s", "t_c_s", "t_o_s", "input_torque_max_nm", "output_speed_min_rpm", "k", "e_loss_j", "e_loss_settled_j")
 CLOSE = 2e-3

@@ -61,6 +61,7 @@ def test_every_number_of_the_paper_has_its_row():
     assert [one for one in numbers.split() if not re.search(rf"(?<![\d.]){re.escape(one)}(?![\d])", printed)] == []
 
 
+@pytest.mark.campaign  # 3 s of processor time
 def test_the_bench_can_have_confirmed_the_print_to_12_percent_but_not_to_8(capsys):
     # idle and work contradict each other by 650 and 550 1/s: a saw between them is a twelfth away from either
     found = {row["what"]: row["deviation"] for row in calculated(capsys, "bench")}
@@ -93,12 +94,17 @@ def test_the_flywheel_has_the_largest_amplitude_and_shaft_2_the_largest_twist_as
     assert abs(fourth["crank"] - fourth["shoes"]) > 1.2 * abs(third["crank"] - third["shoes"])
 
 
+def values_of_the_rig():
+    return module_of(RIGS_DIR / "ural2" / "calculations.py")._values(load_rig("ural2"))
+
+
+@pytest.mark.campaign  # 3 s of processor time
 def test_the_calculation_identifies_what_the_rig_has():
-    calculations = module_of(RIGS_DIR / "ural2" / "calculations.py")  # the one that the rows above have run
-    rig = calculations._values(load_rig("ural2"))
-    assert rig == pytest.approx(spectra.identified(), rel=1e-3)
-    # its slopes against differences
-    x = np.log(rig)
+    assert values_of_the_rig() == pytest.approx(spectra.identified(), rel=1e-3)
+
+
+def test_the_slopes_of_the_spectra_are_those_of_their_differences():
+    x = np.log(values_of_the_rig())
     slopes = spectra.spectra_of(x)[1]
     for k, one in enumerate(1e-6 * np.eye(10)):
         difference = (spectra.spectra_of(x + one)[0] - spectra.spectra_of(x - one)[0]) / 2e-6

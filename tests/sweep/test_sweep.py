@@ -141,12 +141,12 @@ def test_a_killed_sweep_is_not_reported_as_a_whole_one(tmp_path, capsys):
 
 
 def test_dask_gives_the_same_bytes(tmp_path):
-    """The cluster is local and has two processes."""
+    """The cluster is local and has a process of its own."""
     pytest.importorskip("distributed")
     from rig_nodes.studies.sweep.cluster import dask_stream
 
     plan = make_plan(Plan(SHORT, "hydmag"), {"rest": "30 ms, 60 ms, 90 ms"})
-    with Store(tmp_path / "dask", manifest_of(plan, False)) as store, dask_stream("local:2") as stream:
+    with Store(tmp_path / "dask", manifest_of(plan, False)) as store, dask_stream("local:1") as stream:
         assert run_sweep(plan, store, stream) == 3
         store.write_results(plan)
     assert ran(tmp_path / "here", plan).num_rows >= 3
@@ -161,29 +161,17 @@ def test_no_cluster_there(tmp_path):
 ALFA46 = "python:rig_nodes.controllers.examples.alfa46:Alfa46"
 
 
-@pytest.mark.parametrize("options", [[], ["--level", "current", "--delay", "2"]], ids=["duty", "current, two samples late"])
-def test_a_member_with_a_controller_is_what_simulate_gives(tmp_path, options):
-    chosen = dict(zip(("level", "delay"), (options[1], int(options[3])))) if options else {"level": None, "delay": 1}
-    plan = make_plan(Plan(SHORT, "hydmag", plugged=plugged_of(ALFA46, **chosen)), {"alfa46.t12": "-200 ms, -100 ms"})
+@pytest.mark.parametrize(
+    ("level", "delay"),
+    [pytest.param(None, 1, id="duty", marks=pytest.mark.campaign), pytest.param("current", 2, id="current, two samples late")],
+)
+def test_a_member_with_a_controller_is_what_simulate_gives(tmp_path, level, delay):
+    plan = make_plan(Plan(SHORT, "hydmag", plugged=plugged_of(ALFA46, level, delay)), {"alfa46.t12": "-200 ms, -100 ms"})
     row = ran(tmp_path / "sweep", plan).to_pylist()[-1]
-    assert (
-        main(
-            [
-                "simulate",
-                SHORT,
-                "--seed",
-                "2",
-                "--set",
-                "alfa46.t12=-100 ms",
-                "--controller",
-                ALFA46,
-                *options,
-                "--out",
-                str(tmp_path / "run"),
-            ]
-        )
-        == 0
-    )
+    words = ["--seed", "2", "--set", "alfa46.t12=-100 ms", "--controller", ALFA46, "--out", str(tmp_path / "run")]
+    if level:
+        words += ["--level", level, "--delay", str(delay)]
+    assert main(["simulate", SHORT, *words]) == 0
     shift = json.loads((tmp_path / "run" / "report.json").read_text())["shifts"][-1]
     assert {key: row[key] for key in VALUES} == {key: shift[key] for key in VALUES}
     assert row["undefined"] == "" and row["at_order.S2.piston_m"] == shift["at_order"]["clutches"]["S2"]["piston_m"] == 0.0

@@ -362,10 +362,10 @@ def test_a_scout_lowers_the_worst_shift_and_goes_on_as_if_not_stopped(config):
             scout.run(one, workers, lambda entries, cpu: None, lambda: one.generation >= generations)
         return one
 
-    whole = scouted([], 4)
-    first = scouted([], 2)
-    second = scouted(json.loads(json.dumps(first.entries)), 4)
-    assert len(whole.entries) == 64 and [e["value"] for e in second.entries] == [e["value"] for e in whole.entries]
+    whole = scouted([], 3)
+    first = scouted([], 1)
+    second = scouted(json.loads(json.dumps(first.entries)), 3)
+    assert len(whole.entries) == 48 and [e["value"] for e in second.entries] == [e["value"] for e in whole.entries]
     best = whole.best(3)
     assert len(best) == 3 and best[0] not in best[1:]
 
@@ -383,35 +383,14 @@ def test_a_scout_lowers_the_worst_shift_and_goes_on_as_if_not_stopped(config):
 def test_a_whole_tuning(config, tmp_path, capsys, monkeypatch):
     pytest.importorskip("optuna")
     monkeypatch.setattr(search, "POPULATION", 6)
+    monkeypatch.setattr(scout, "POPULATION", 6)
     pq = pytest.importorskip("pyarrow.parquet")
-    (tmp_path / "s.json").write_text(json.dumps({"spread": {"clutches.bore": 2e-8}}))
+    # of the stage whose rows are computed fastest
+    (tmp_path / "s.json").write_text(json.dumps({"spread": {"losses.loss_out_constant": 0.5}}))
     out = tmp_path / "tune"
-    arguments = [
-        "tune",
-        "--ways",
-        "II-I",
-        "--speeds",
-        "1200 rpm .. 1600 rpm",
-        "--load-down",
-        "60 Nm .. 160 Nm",
-        "--rigs",
-        "1",
-        "--judge-rigs",
-        "1",
-        "--points",
-        "2",
-        "--fresh",
-        "1",
-        "--generations",
-        "2",
-        "--jobs",
-        "1",
-        "--spreads",
-        str(tmp_path / "s.json"),
-        "--out",
-        str(out),
-        "--json",
-    ]
+    counts = ["--rigs", "1", "--judge-rigs", "1", "--points", "2", "--fresh", "1", "--generations", "2", "--jobs", "1"]
+    where = ["--ways", "II-I", "--speeds", "1200 rpm .. 1600 rpm", "--load-down", "60 Nm .. 160 Nm"]
+    arguments = ["tune", *where, *counts, "--spreads", str(tmp_path / "s.json"), "--out", str(out), "--json"]
     assert main(arguments) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["searches"]["II-I"]["generations"] == 2 and summary["searches"]["least"]["generations"] == 2
