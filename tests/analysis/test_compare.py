@@ -94,14 +94,6 @@ def test_a_measurement_over_a_run_shows_what_differs_in_the_rows_concerned(recor
     assert text.count("<svg") == 2 and "http" not in text  # the figure of the one shift, wide and for a phone
 
 
-def test_a_measurement_over_a_run_has_a_view(recording, tmp_path):
-    pytest.importorskip("rerun")
-    path, view = tmp_path / "measured.csv", tmp_path / "out.rrd"
-    written(on_other_clock(recording), path, Bag(SAMPLE).catalogue)
-    assert main(["compare", str(SAMPLE), str(path), "--rrd", str(view)]) == 0
-    assert view.stat().st_size > 10_000
-
-
 def test_a_file_that_begins_after_the_first_order_has_the_shifts_that_it_holds(recording):
     other = on_other_clock(recording, orders=False)
     begin = round(0.5 / other.period)
@@ -157,15 +149,15 @@ def test_rows_that_are_missing_on_the_other_clock_are_named_and_the_shift_is_com
     assert "ppm" not in clock.notes[0]
 
 
-def test_signals_that_show_something_else_are_named(demo):
-    other = on_other_clock(demo, orders=False)
+def test_signals_that_show_something_else_are_named(recording):
+    other = on_other_clock(recording, orders=False)
     draw = np.random.default_rng(7)
     torque = other.transmission.input.torque
-    clock = align(demo, spoiled(other, **{torque: draw.standard_normal(other.rows)}))
+    clock = align(recording, spoiled(other, **{torque: draw.standard_normal(other.rows)}))
     assert clock.offset == pytest.approx(OFFSET, abs=2e-3) and any(torque in note for note in clock.notes)
     noise = {name: draw.standard_normal(other.rows) for name in other.channels}
     with pytest.raises(RigError, match=f"do not show the same shifts.*{torque}.*check the orders, columns and units") as refusal:
-        align(demo, spoiled(other, **noise))
+        align(recording, spoiled(other, **noise))
     assert "ppm" not in str(refusal.value) and "\n" not in str(refusal.value)
 
 

@@ -55,6 +55,7 @@ def test_a_first_shift(executed, capsys):
     assert "input_torque_max_nm" in shown[-1][0] and peaks[1] != peaks[0]
 
 
+@pytest.mark.campaign  # half of the time of all notebooks; tests/api/test_api.py gives a run a class too
 def test_my_controller_against_the_alfa46(executed):
     notebook, shown = executed("my_controller")
     assert notebook.mine.end["state"] == "ended" and notebook.mine.shifts["valid"].all()

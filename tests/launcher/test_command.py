@@ -22,14 +22,15 @@ def rig(checkout, *arguments, **options):
 
 
 def test_help_is_quick_and_names_every_verb(checkout):
-    times = []
-    for _ in range(3):
+    def seconds():
         began = time.monotonic()
         done = rig(checkout, "--help")
-        times.append(time.monotonic() - began)
-    assert done.returncode == 0 and done.stderr == ""
-    assert all(re.search(rf"^  {verb} ", done.stdout, re.M) for verb in VERBS.own)
-    assert min(times) < 1.0
+        took = time.monotonic() - began
+        assert done.returncode == 0 and done.stderr == ""
+        assert all(re.search(rf"^  {verb} ", done.stdout, re.M) for verb in VERBS.own)
+        return took
+
+    assert any(seconds() < 1.0 for _ in range(3))
 
 
 def test_help_imports_nothing_heavy():
@@ -87,6 +88,6 @@ def test_foreign_shell_settings_and_no_home_do_not_matter(checkout, tmp_path):
 
 def test_closed_pipe_is_quiet(checkout):
     done = subprocess.run(
-        f"{checkout / 'rig'} doctor --json | head -c 1 | wc -c", shell=True, capture_output=True, text=True, timeout=60
+        f"{checkout / 'rig'} list trips | head -c 1 | wc -c", shell=True, capture_output=True, text=True, timeout=60
     )
     assert done.stdout.strip() == "1" and done.stderr == ""

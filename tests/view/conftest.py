@@ -3,6 +3,7 @@
 
 """Fixtures and helpers of the view's tests: recorded runs, copies of them with parts missing, a reader of Rerun files."""
 
+import functools
 import os
 import shutil
 import sys
@@ -22,6 +23,7 @@ from rig_nodes.view.convert import make_view
 
 REQUIRED = os.environ.get("RIG_REQUIRE_VIEW") == "1"  # with this variable set, no test here may be skipped
 HERE = Path(__file__).parent
+SAMPLE = HERE.parents[1] / "bags" / "sample"
 sys.path.insert(0, str(HERE))  # pixels.py
 
 if not REQUIRED:
@@ -56,33 +58,40 @@ def viewed(recorded, tmp_path_factory):
 
 
 @pytest.fixture
-def run(recorded, tmp_path):
+def demo(recorded, tmp_path):
     """A demo run of the test's own."""
     return shutil.copytree(recorded, tmp_path / "demo")
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run of 2.6 s with one shift, of the test's own."""
+    return shutil.copytree(SAMPLE, tmp_path / "sample")
 
 
 @pytest.fixture(scope="session")
 def tripped(tmp_path_factory):
     """The folder of a run of 0.1 s that a person stopped, without a report and without a shift."""
     folder = tmp_path_factory.mktemp("tripped") / "stopped"
-    rig = Rig(load_rig("hydmag"), 1, controller="embedded")
+    config = load_rig("hydmag")
+    rig = Rig(config, 1, controller="embedded")
     outputs = Outputs(rig, {"sequence": "stopped", "seed": 1})
     with BagWriter(folder, "stopped") as bag:
         for sample in range(100):
             if sample == 50:
                 rig.e_stop()
             for topic, stamp, data in outputs.due():
-                bag.write(topic, load_rig("hydmag").catalogue.topics[topic].ros_type, data, stamp)
+                bag.write(topic, config.catalogue.topics[topic].ros_type, data, stamp)
             rig.advance_samples(1)
     return folder
 
 
 @pytest.fixture
-def without(recorded, tmp_path):
-    """Makes a copy of the demo run that lacks topics."""
+def without(tmp_path):
+    """Makes a copy of the sample run that lacks topics."""
 
     def copy(*topics):
-        bag = Bag(recorded)
+        bag = Bag(SAMPLE)
         with BagWriter(tmp_path / "less", "less") as less:
             rows = [(stamp, topic, data) for topic in bag.counts if topic not in topics for stamp, data in bag.raw(topic)]
             for stamp, topic, data in sorted(rows, key=lambda row: row[0]):
@@ -98,18 +107,24 @@ class RrdFile:
     def __init__(self, path):
         from rerun.chunk import RrdReader
 
-        reader = RrdReader(path)
-        recording, layout = reader.recordings()[0], reader.blueprints()[0]
+        self._reader = RrdReader(path)
+        self._stores = recording, layout = self._reader.recordings()[0], self._reader.blueprints()[0]
         self.key = recording.recording_id
         self.applications = {recording.application_id, layout.application_id}
-        self.data, self.layout = (self._entities(reader, store) for store in (recording, layout))
 
-    @staticmethod
-    def _entities(reader, store):
+    @functools.cached_property
+    def data(self):
+        return self._entities(self._stores[0])
+
+    @functools.cached_property
+    def layout(self):
+        return self._entities(self._stores[1])
+
+    def _entities(self, store):
         import pyarrow
 
         found = {}
-        for chunk in reader.stream(store=store).to_chunks():
+        for chunk in self._reader.stream(store=store).to_chunks():
             batch = chunk.to_record_batch()
             for name, column in zip(batch.schema.names, batch.columns):
                 if pyarrow.types.is_temporal(column.type):

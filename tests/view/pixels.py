@@ -38,8 +38,10 @@ def curve_pixels(image: np.ndarray, colour, side: str = "right") -> int:
 
 def dots(image: np.ndarray, colour) -> list[tuple[int, int]]:
     """Returns row and column of the filled squares of a colour: the dots of a legend."""
-    windows = np.lib.stride_tricks.sliding_window_view(has(image, colour), (DOT, DOT))
-    return [tuple(place) for place in np.argwhere(windows.all(axis=(2, 3)))]
+    squares = has(image, colour)
+    for _ in range(2):  # along one side, then, turned, along the other
+        squares = np.logical_and.reduce([squares[k : len(squares) - DOT + 1 + k] for k in range(DOT)]).T
+    return [tuple(place) for place in np.argwhere(squares)]
 
 
 def legend_text(image: np.ndarray, colour) -> int:

@@ -41,6 +41,11 @@ SLIPS = [PAGES.colour(name) for name in dict(RUN)["Slip [rpm]"]]
 needs_driver = pytest.mark.skipif(picture.software_driver() is None, reason=picture.NO_DRIVER)
 
 
+def headless(url):
+    """Returns a viewer with a window as small as its legends allow, because the time to draw it grows with its area."""
+    return picture.HeadlessViewer(url, size=(1000, 1100), longest=LONGEST)
+
+
 def until(predicate, what):
     deadline = time.monotonic() + PATIENCE
     while not (value := predicate()):
@@ -103,12 +108,12 @@ def test_a_late_viewer_and_one_after_a_killed_one_see_the_newest(server, message
     sender = Sender(one.url, "test", PAGES)
     half = next(i for i, (t, _, _) in enumerate(messages) if t > 5_000_000_000)
     feed(sender, messages[:half])
-    with picture.HeadlessViewer(one.url, longest=LONGEST) as viewer:
+    with headless(one.url) as viewer:
         assert seen(viewer, messages[half - 1][0] / 1e9)
         viewer.process.send_signal(signal.SIGKILL)
         viewer.process.wait()
         feed(sender, messages[half:])
-    with picture.HeadlessViewer(one.url, longest=LONGEST) as viewer:
+    with headless(one.url) as viewer:
         end = messages[-1][0] / 1e9
         images = seen(viewer, end, FIRST_TAB)
         assert viewer.reports() == []
@@ -150,7 +155,7 @@ def test_without_a_viewer_the_server_keeps_the_newest_and_stays_small(server, me
         feed(sender, later_by(messages, number * length))
     assert sender.close(10.0) and not sender.failure
     assert psutil.Process(one.process.pid).memory_info().rss < 150e6
-    with picture.HeadlessViewer(one.url, longest=LONGEST) as viewer:
+    with headless(one.url) as viewer:
         images = seen(viewer, 2 * length)
         ((oldest, _),) = spans(viewer)
         assert oldest / 1e9 > 0.5 * length, "the oldest data should be gone"
@@ -207,7 +212,7 @@ def test_a_run_that_begins_anew_is_a_recording_of_its_own(server, messages):
     feed(sender, short)
     feed(sender, short)
     assert sender.close(5.0) and not sender.failure
-    with picture.HeadlessViewer(one.url, longest=LONGEST) as viewer:
+    with headless(one.url) as viewer:
         until(lambda: [newest for _, newest in spans(viewer)] == 2 * [short[-1][0]], "both recordings")
 
 
@@ -277,7 +282,7 @@ def live_command(tmp_path):
 def test_it_shows_a_real_graph_listens_on_loopback_only_and_ends_in_time(live_command, number):
     address = re.compile(r"rerun (rerun\+http://127\.0\.0\.1:\d+/proxy)")
     url = until(lambda: address.search(live_command.output()), "the address")[1]
-    with picture.HeadlessViewer(url, longest=LONGEST) as viewer:
+    with headless(url) as viewer:
         until(lambda: any(newest > 10**9 for _, newest in spans(viewer)), "a second of data")
         until(
             lambda: any(
