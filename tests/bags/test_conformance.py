@@ -51,8 +51,9 @@ def test_every_file_is_whole_and_every_message_is_read(files):
         assert sum(Bag(files[name]).counts.values()) == len(rows), name
 
 
-def test_a_copy_of_every_file_has_the_messages_byte_for_byte_and_the_same_description(files, tmp_path):
-    for name in NAMES:
+@pytest.mark.parametrize("names", [NAMES[::5], pytest.param(NAMES, marks=pytest.mark.campaign)], ids=["a fifth", "all"])
+def test_a_copy_of_every_file_has_the_messages_byte_for_byte_and_the_same_description(files, tmp_path, names):
+    for name in names:
         with OpenedBags([files[name]]) as bags:
             path, _ = write(bags, tmp_path / name)
         copied, kept, _ = messages(path)

@@ -73,7 +73,7 @@ def test_missing_files_and_folders(tmp_path):
 
 def test_a_file_cut_anywhere_is_refused_and_recovered(tmp_path, small, summary):
     whole = [index.chunk_start_offset + index.chunk_length for index in summary.chunk_indexes]
-    step = max(1, len(small) // 300)
+    step = max(1, len(small) // 80)
     for length in {*range(1, len(small), step), *range(len(small) - 40, len(small)), *whole}:
         path = put(tmp_path, small[:length])
         sentence = refused(path)
@@ -84,7 +84,7 @@ def test_a_file_cut_anywhere_is_refused_and_recovered(tmp_path, small, summary):
 
 
 def test_any_flipped_byte_is_noticed(tmp_path, small):
-    step = max(1, len(small) // 1500)
+    step = max(1, len(small) // 500)
     for position in {*range(0, len(small), step), *range(100), *range(len(small) - 60, len(small))}:
         data = bytearray(small)
         data[position] ^= 0x41

@@ -237,11 +237,13 @@ def test_a_logger_of_another_definition_is_one_sentence(tmp_path, capfd):
             assert "Traceback" not in "".join(capfd.readouterr())
 
 
-def test_a_page_of_a_run_has_a_hash_also_of_what_cannot_be_understood(tmp_path, capfd):
-    add_others(tmp_path / "run_0.mcap", Bag(SAMPLE))
-    assert main(["report", str(tmp_path), "--html", str(tmp_path / "page.html")]) == 0, capfd.readouterr().err
-    digest = Bag(tmp_path).canonical_hash()["all"]
-    assert canonical_hash(tmp_path)["all"] == digest and digest in (tmp_path / "page.html").read_text(encoding="utf-8")
+def test_a_page_of_a_run_has_a_hash_also_of_what_cannot_be_understood(mixed, tmp_path, capfd):
+    _, path, _ = mixed
+    assert main(["report", str(path), "--html", str(tmp_path / "page.html")]) == 0, capfd.readouterr().err
+    assert canonical_hash(path)["all"] == Bag(path).canonical_hash()["all"]
+    capfd.readouterr()
+    assert main(["bag", "hash", str(path)]) == 0
+    assert capfd.readouterr().out.split()[0] in (tmp_path / "page.html").read_text(encoding="utf-8")
     hashes = []
     for data in (FLOAT, FLOAT[:-1] + b"\x40"):
         (tmp_path / "one.mcap").write_bytes(crafted.one("class A: pass\n", data))

@@ -68,7 +68,7 @@ def what_is_wrong(found, damage, whole):
     return "" if found == whole or damage else "it lacks messages, and is called whole"
 
 
-@pytest.mark.parametrize("count", [300, pytest.param(20_000, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("count", [150, pytest.param(20_000, marks=pytest.mark.campaign)])
 def test_a_file_that_is_nearly_a_bag_is_read_or_refused_in_a_sentence(small, tmp_path, count, soon_done, capsys):
     draw, refused, longest = random.Random(41), 0, 0.0
     path = tmp_path / "run_0.mcap"

@@ -95,7 +95,7 @@ def test_all_threads_have_started_before_the_file_has_a_byte():
 
 
 def test_a_long_file_has_its_whole_index_and_the_writer_keeps_little_of_it(tmp_path):
-    channels, chunks = range(1, 51), 1500
+    channels, chunks = range(1, 51), 600
     with open(tmp_path / "long.mcap", "wb") as file:
         writer = McapWriter(file, "ros2", "a test", 1 << 20)
         schema = writer.register_schema("a/msg/Type", "ros2msg", b"float64 value")

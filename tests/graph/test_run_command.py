@@ -92,7 +92,7 @@ def test_another_killed_process_ends_the_run_with_its_name(tmp_path, name):
     traces.wait_gone()
 
 
-@pytest.mark.parametrize("moment", [STARTED, pytest.param(SHIFTING, marks=REAL_TIME)])
+@pytest.mark.parametrize("moment", [STARTED, pytest.param(SHIFTING, marks=(REAL_TIME, pytest.mark.campaign))])
 def test_ctrl_c_at_any_time_leaves_a_readable_bag_and_no_process(tmp_path, moment):
     """The run uses a ROS domain that the user chooses. SIGTERM is tested at a moment between these two."""
     with allocate() as domain:

@@ -17,7 +17,9 @@ WHY = "the process of rig run, which watches the run, has ended"
 
 
 @pytest.mark.parametrize(
-    "speed", [("--speed", "2"), pytest.param((), marks=pytest.mark.against_the_clock)], ids=["lockstep", "real time"]
+    "speed",
+    [("--speed", "2"), pytest.param((), marks=(pytest.mark.against_the_clock, pytest.mark.campaign))],
+    ids=["lockstep", "real time"],
 )
 def test_no_process_is_left_and_the_last_state_and_the_report_name_the_supervisor(tmp_path, speed, capfd):
     run = RigRun(tmp_path / "run", *speed)

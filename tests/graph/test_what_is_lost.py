@@ -84,7 +84,7 @@ def check_tripped(run, reason):
 
 
 @pytest.mark.against_the_clock
-@pytest.mark.parametrize("process", ["recorder", "sequencer"])
+@pytest.mark.parametrize("process", ["recorder", pytest.param("sequencer", marks=pytest.mark.campaign)])
 def test_a_process_that_stands_still_trips_the_rig_within_a_second_or_so(tmp_path, process):
     run = RigRun(tmp_path / "run")
     run.until("shift to I")

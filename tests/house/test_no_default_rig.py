@@ -20,6 +20,8 @@ ALLOWED = {
 
 def found_in(source: str) -> set[str]:
     """Returns which of the default's name and the rig's name are in the code; docstrings and comments are not code."""
+    if NAME not in source and RIG not in source:
+        return set()
     tree, found = ast.parse(source), set()
     docs = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for node in ast.walk(tree):

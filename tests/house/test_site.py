@@ -3,6 +3,7 @@
 
 """The site: it builds without a warning, and its search answers a user's questions."""
 
+import functools
 import re
 import shlex
 import subprocess
@@ -68,6 +69,15 @@ def lost(numbers, out):
     return {number for number in numbers if not any(f"{value:.{len(number.partition('.')[2])}f}" == number for value in shown)}
 
 
+@pytest.fixture(scope="module")
+def read_once():
+    """Has each page read only once for all questions."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(docs, "_sections", functools.cache(docs._sections))
+        yield
+
+
+@pytest.mark.usefixtures("read_once")
 @pytest.mark.parametrize("question", QUESTIONS)
 def test_the_page_that_answers_a_question_is_among_the_first_three_hits(question):
     pages = [hit.page for hit in docs.search(question.split()) if not hit.page.startswith("made/")]
@@ -94,9 +104,33 @@ def test_what_is_missing_is_one_sentence(monkeypatch, tmp_path, capsys):
     assert "the pages are part of a checkout, not of an installed package" in capsys.readouterr().err
 
 
-def test_it_builds_without_a_warning():
+@pytest.fixture
+def sphinx():
     for package in ("sphinx", "myst_parser", "sphinx_copybutton", "furo"):
         pytest.importorskip(package)
+
+
+READ = """
+import sys
+sys.path.insert(0, "docs")
+import fault_pictures, lesson_pictures
+from sphinx.cmd.build import main
+fault_pictures.draw = lesson_pictures.draw = lambda *_: None
+sys.exit(main(["-q", "-E", "-W", "--keep-going", "-b", "dummy", "-D", "suppress_warnings=image.not_readable", *sys.argv[1:]]))
+"""
+
+
+@pytest.mark.usefixtures("sphinx")
+def test_its_pages_are_read_without_a_warning(tmp_path):
+    """All pages and their links, also those that are made from the program; the campaign draws pictures and writes HTML too."""
+    words = ["-d", str(tmp_path / "trees"), str(docs.DOCS), str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-c", READ, *words], cwd=docs.DOCS.parent, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.mark.campaign
+@pytest.mark.usefixtures("sphinx")
+def test_it_builds_without_a_warning():
     built = subprocess.run([sys.executable, "-m", "rig_nodes", "docs"], capture_output=True, text=True, check=False)
     assert (built.returncode, built.stderr) == (0, "")
     html = docs.DOCS / "_build" / "html"
@@ -109,12 +143,6 @@ def test_it_builds_without_a_warning():
     drawn = re.findall(r"--picture (\S+\.png)", (docs.DOCS / "learn" / "lessons.md").read_text(encoding="utf-8"))
     assert [name for name in drawn if f'src="../_images/{name}"' not in lessons] == [] and len(drawn) >= 10
     assert all((html / "_images" / name).stat().st_size > 20_000 for name in drawn)
-    printed = ""  # a lesson compares itself with those before
-    for number, lesson in enumerate(
-        re.split(r"^## ", (docs.DOCS / "learn/lessons.md").read_text(encoding="utf-8"), flags=re.M)[1:], 1
-    ):
-        printed += (docs.DOCS / "made" / "lessons" / f"{number}.txt").read_text(encoding="utf-8")
-        assert lesson.startswith(f"{number}. ") and lost(stated(lesson), printed) == set(), f"lesson {number}"
     shown = re.findall(r"\]\(faults/(\S+\.svg)\)", (docs.DOCS / "made" / "faults.md").read_text(encoding="utf-8"))
     ill = (html / "made" / "faults.html").read_text(encoding="utf-8")
     assert [name for name in shown if f'src="../_images/{name}"' not in ill] == [] and len(shown) >= 30
@@ -125,6 +153,18 @@ def test_it_builds_without_a_warning():
         for address in re.findall(r'<(?:script|link|img)[^>]+(?:src|href)="(https?://[^"]+)"', page.read_text(encoding="utf-8"))
     ]
     assert fetched == []  # it is read without a network
+
+
+def test_the_lessons_have_the_numbers_that_their_commands_print(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "docs").symlink_to(docs.DOCS)
+    page = (docs.DOCS / "learn" / "lessons.md").read_text(encoding="utf-8")
+    printed = ""  # a lesson compares itself with those before
+    for number, lesson in enumerate(re.split(r"^## ", page, flags=re.M)[1:], 1):
+        for command in COMMAND.findall(lesson) if stated(lesson) else ():  # the campaign runs the others
+            assert main(shlex.split(re.sub(" --(picture|html) .+", "", command))) == 0, command
+        printed += capsys.readouterr().out
+        assert lesson.startswith(f"{number}. ") and lost(stated(lesson), printed) == set(), f"lesson {number}"
 
 
 def test_the_explained_shift_has_the_numbers_of_its_picture(capsys, monkeypatch, tmp_path):

@@ -7,6 +7,7 @@ What others use of a room are the names in its __init__.pyi, which its __init__.
 """
 
 import ast
+import functools
 import re
 import subprocess
 import sys
@@ -30,6 +31,7 @@ def room_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0]
 
 
+@functools.cache
 def modules(source: str, path: Path) -> list[tuple[ast.ImportFrom | ast.Import, tuple[str, ...]]]:
     """Returns each import of a file from the package, anywhere and for whatever use, with the name of the module."""
     package = path.relative_to(PACKAGE.parent).parts[:-1] if path.is_relative_to(PACKAGE.parent) else ()

@@ -172,7 +172,7 @@ def test_nothing_is_wrong_with_an_installed_rig(rig):
     assert list(what_is_wrong(load_rig(rig))) == []
 
 
-@pytest.mark.parametrize("count", [120, pytest.param(10_000, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("count", [50, pytest.param(10_000, marks=pytest.mark.campaign)])
 def test_a_description_that_is_nearly_a_rig_is_one_or_is_refused_in_a_sentence(tmp_path, count, soon_done, capsys):
     draw, refused, longest, wrong = random.Random(41), 0, 0.0, []
     folders = {}

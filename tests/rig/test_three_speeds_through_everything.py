@@ -29,6 +29,7 @@ def shifts(folder) -> list[tuple[int, int, bool]]:
 
 
 BOTH = [(1, 2, True), (2, 3, True)]
+IN_A_CAMPAIGN = [pytest.param(kind, marks=pytest.mark.campaign) for kind in ("python", "udp-python")]
 
 
 @pytest.fixture(scope="module")
@@ -75,8 +76,7 @@ def test_its_bag_is_replayed(simulated):
 
 def test_view_has_the_rigs_own_clutches(simulated):
     pytest.importorskip("rerun")
-    done = rig("view", str(simulated), "--no-open")
-    assert done.returncode == 0, done.stderr
+    assert main(["view", str(simulated), "--no-open"]) == 0
     assert (simulated / "view.rrd").stat().st_size > 100_000
 
 
@@ -126,7 +126,7 @@ def printed(kind: str, capsys, on_own_port) -> list[list[str]]:
     return [on_own_port(kind, shlex.split(line, comments=True)) for line in commands.splitlines()]
 
 
-@pytest.mark.parametrize("kind", ["c", "python", "udp-python", "ros-python"])
+@pytest.mark.parametrize("kind", ["c", "ros-python", *IN_A_CAMPAIGN])
 def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys, ros_domain, programs, on_own_port):
     monkeypatch.chdir(tmp_path)
     for command in printed(kind, capsys, on_own_port):
@@ -141,9 +141,7 @@ def test_a_controller_of_ones_own_shifts_it(kind, tmp_path, monkeypatch, capsys,
 
 # The set measures how long a step takes.
 @pytest.mark.against_the_clock
-@pytest.mark.parametrize(
-    "kind", ["c", *(pytest.param(kind, marks=pytest.mark.campaign) for kind in ("python", "udp-python", "ros-python"))]
-)
+@pytest.mark.parametrize("kind", ["c", pytest.param("ros-python", marks=pytest.mark.campaign), *IN_A_CAMPAIGN])
 def test_a_controller_for_it_passes_the_conformance_set(kind, tmp_path, monkeypatch, capsys, ros_domain, programs, on_own_port):
     monkeypatch.chdir(tmp_path)
     for command in printed(kind, capsys, on_own_port):

@@ -88,9 +88,14 @@ def in_blocks(config, end, folder, step):
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found], read
 
 
+@pytest.fixture(scope="module")
+def sent(config):
+    return one_by_one(config, 3300)
+
+
 @pytest.mark.parametrize("step", [1, 5, 10_000])
-def test_blocks_hold_the_messages_that_are_sent_one_by_one(config, tmp_path, step):
-    messages, read = one_by_one(config, 3300)
+def test_blocks_hold_the_messages_that_are_sent_one_by_one(config, sent, tmp_path, step):
+    messages, read = sent
     found, also_read = in_blocks(config, 3300, tmp_path, step)
     assert [(topic, stamp) for topic, stamp, _ in found] == [(topic, stamp) for topic, stamp, _ in messages]
     assert found == messages

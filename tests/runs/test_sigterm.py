@@ -95,8 +95,8 @@ def test_simulate_leaves_a_whole_bag_and_its_report(tmp_path, start):
             "rig: ended by SIGTERM; go on with: ./rig sweep sweep",
         ),
         (["procedure", "delay_series", "--out", "series"], "rig: ended by SIGTERM"),
-        (["tune", "--out", "tune"], "rig: ended by SIGTERM"),
-        (["validate"], "rig: ended by SIGTERM; what was begun is not finished"),
+        pytest.param(["tune", "--out", "tune"], "rig: ended by SIGTERM", marks=pytest.mark.campaign),
+        pytest.param(["validate"], "rig: ended by SIGTERM; what was begun is not finished", marks=pytest.mark.campaign),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )

@@ -37,7 +37,7 @@ def finer(recording):
     return dataclasses.replace(recording, period=recording.period / FINER, channels=channels)
 
 
-@pytest.mark.parametrize("up, down", [("40 Nm", "80 Nm"), ("70 Nm", "140 Nm")])
+@pytest.mark.parametrize("up, down", [("40 Nm", "80 Nm"), pytest.param("70 Nm", "140 Nm", marks=pytest.mark.campaign)])
 def test_half_the_step_changes_no_metric_by_half_a_percent(noiseless, up, down):
     """Shifts up and down at two loads, without noise, which moves the metrics more than the step does."""
     sequence = load_sequence("grid_point", {"speed": "1500 rpm", "load_up": up, "load_down": down})

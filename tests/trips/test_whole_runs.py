@@ -281,7 +281,7 @@ def test_losses_that_bend_with_the_torque_are_no_wrong_reading():
     assert run.end == {"state": "ended", "reason": "the sequence ended"}
 
 
-@pytest.mark.parametrize("status, word", [(2, "error"), (3, "fatal")])
+@pytest.mark.parametrize("status, word", [(2, "error"), pytest.param(3, "fatal", marks=pytest.mark.campaign)])
 def test_a_fault_that_the_controller_reports_trips_with_its_own_words(tmp_path, status, word):
     (tmp_path / "tcu.py").write_text(REPORTING.format(status=status))
     folder = tmp_path / "run"

@@ -3,6 +3,7 @@
 
 """From runs to records: the values that the readers find in synthetic shifts, the series, and the necessary runs."""
 
+from functools import cache
 from math import pi
 from types import SimpleNamespace
 
@@ -252,12 +253,12 @@ def test_only_what_rows_need_is_run():
 
 def test_the_series_hold_every_condition_that_rows_list():
     """A row with a list or a single value without a series could never be evaluated."""
-    lacking = []
+    lacking, series_of = [], cache(programme.series_of)
     for target in TARGETS.values():
         if target.procedure not in programme.READERS or target.role == "information":
             continue
         procedures = programme.GRIDS if target.procedure in programme.GRIDS else (target.procedure,)
-        series = [one for name in procedures for one in programme.series_of(name)]
+        series = [one for name in procedures for one in series_of(name)]
         for side in (target.conditions, target.of, target.to):
             for name, wanted in side.items():
                 if name in ("phase", "side", "source", "model", "time") or not isinstance(wanted, tuple) or wanted == ("all",):
