@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from rig_nodes.driveline.builder import Driveline
 from rig_nodes.driveline.run import run
@@ -108,6 +109,60 @@ def test_a_chain_of_fifty_bodies_on_shafts_runs_and_has_its_modes():
     r = run(system, 1.0, 1e-3, {"J0": 10.0})
     assert r.speeds[-1] @ np.full(50, 0.1) == pytest.approx(10.0, rel=1e-10) and closes(r)
     assert len(modes(system).frequencies) == 50
+
+
+@pytest.mark.parametrize("how", ["in a row", "in any order", "a clutch holds two", "a gear set holds three"])
+def test_a_long_chain_on_shafts_turns_as_the_matrix_exponential_says(how):
+    """Twenty-four bodies, two of them with oil between them; where nothing holds bodies together, the method is another one."""
+    count, oil = 24, 0.2
+    inertia = 0.05 + 0.01 * (np.arange(count) % 5)
+    begin = np.where(np.arange(count) < 13, 2.0, -1.0)
+    order = np.random.default_rng(5).permutation(count) if how == "in any order" else np.arange(count)
+    d, shafts, free = Driveline(), [], np.eye(count)
+    for i in order:
+        d.inertia(f"b{i}", inertia[i], speed=begin[i])
+    for i in range(count - 1):
+        if i == 11 and how == "a clutch holds two":
+            d.clutch("holds", "b11", "b12")
+            free = np.delete(free, 12, axis=1)
+            free[12, 11] = 1.0
+        else:
+            shafts.append((i, 2e4 * (1 + i % 3), 0.5))
+            d.shaft(f"s{i}", f"b{i}", f"b{i + 1}", stiffness=shafts[-1][1], damping=0.5)
+    d.clutch("oil", "b3", "b17", drag=oil)
+    mass = np.diag(inertia)
+    if how == "a gear set holds three":
+        d.inertia("carrier", 0.3, speed=2.0)
+        d.relation("set", {"carrier": 1.0, "b5": -0.4, "b9": -0.6})
+        mass += 0.3 * np.outer(ends := 0.4 * np.eye(count)[5] + 0.6 * np.eye(count)[9], ends)
+    rows = np.array([np.eye(count)[i] - np.eye(count)[i + 1] for i, *_ in shafts]) @ free
+    rub = (np.eye(count)[3] - np.eye(count)[17]) @ free
+    n, s = free.shape[1], len(shafts)
+    minv, k, c = np.linalg.inv(free.T @ mass @ free), *np.array(shafts)[:, 1:].T
+    rates = np.zeros((n + s + 1, n + s + 1))
+    rates[:n, :n] = -minv @ (rows.T @ np.diag(c) @ rows + oil * np.outer(rub, rub))
+    rates[:n, n:-1], rates[n:-1, :n] = -minv @ rows.T @ np.diag(k), rows
+    rates[:n, -1] = 20.0 * minv @ free[0]
+    truth = expm(rates * 0.05) @ np.concatenate([np.linalg.pinv(free) @ begin, np.zeros(s), [1.0]])
+    r = run(d.build(), 0.05, 1e-3, {"b0": 20.0} | ({"holds": 1e6} if how == "a clutch holds two" else {}))
+    for i in range(count):
+        assert r.speed(f"b{i}")[-1] == pytest.approx(free[i] @ truth[:n], abs=2e-8)
+    assert closes(r)
+
+
+def test_a_shaft_with_bends_in_a_long_chain_turns_alike_in_steps_of_any_length():
+    def end(step):
+        d = Driveline()
+        for i in range(20):
+            d.inertia(f"b{i}", 0.1, speed=5.0 * (i < 10))
+        for i in range(19):
+            spring = {"table": ([-0.01, 0.01, 0.02], [-50.0, 50.0, 250.0])} if i == 9 else {"stiffness": 1e4}
+            d.shaft(f"s{i}", f"b{i}", f"b{i + 1}", damping=0.3, **spring)
+        r = run(d.build(), 0.1, step)
+        assert closes(r)
+        return r.speeds[-1]
+
+    assert end(1e-3) == pytest.approx(end(2e-5), abs=1e-7)
 
 
 @pytest.mark.parametrize("step", [0.5, 1e-3])

@@ -110,6 +110,9 @@ class Places(NamedTuple):
     during: int  # (n,) mean force
     made: int  # (s, 2) stiffness and damping of each shaft for which `nodes` were made
     bent: int  # (s, 9) of each shaft that follows a table, by driveline.bent_shafts
+    w_ends: int  # (m, 2) first speed on which each element acts, and the one behind the last
+    sh_ends: int  # (s, 2) the same of each shaft
+    band: int  # (n,) first column of each row of the factors that `nodes` then has; the first is -1 where they are inverses
     rho: int  # (k, n) torque of each loss by a force
     by_speed: int  # (k, n) the same by a speed, for elements with drag
     given: int  # (k,) torque on which each loss depends, without any loss
@@ -135,7 +138,9 @@ def places(n: int, m: int, s: int, k: int) -> Places:
     own = n if s > 0 else 0
     z = nodes + 8 * own * own
     made = z + 8 * own
-    rho = made + 11 * s
+    w_ends = made + 11 * s
+    band = w_ends + 2 * (m + s)
+    rho = band + own
     given = rho + 2 * k * n
     row = given + k + k * k + k * (k + 2)
     return Places(
@@ -175,6 +180,9 @@ def places(n: int, m: int, s: int, k: int) -> Places:
         z + 7 * own,
         made,
         made + 2 * s,
+        w_ends,
+        w_ends + 2 * m,
+        band,
         rho,
         rho + k * n,
         given,

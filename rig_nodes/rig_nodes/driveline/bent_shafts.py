@@ -33,6 +33,7 @@ from rig_nodes.driveline.collocation import END, MEAN, NODES, WEIGHTS, elements_
 from rig_nodes.driveline.kernel import SAME, Span, answer_forces, change_forces, ends, first_event, longest_part, start_forces, take
 from rig_nodes.driveline.laws import SHAFT
 from rig_nodes.driveline.tables import line_here, piece, value
+from rig_nodes.driveline.wide import WIDE, solve_band, sum_along
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats
@@ -276,17 +277,24 @@ def beyond_line(
 
 
 @njit(**INNER)
-def push_nodes(a: int, d: float, change: tuple[float, ...], sh: Floats, work: Floats, nodes: int, z: int) -> None:
+def push_nodes(a: int, d: float, change: tuple[float, ...], sh: Floats, work: Floats, at: Places) -> None:
     """Change both z by a torque of shaft a, given by its shares in the eigenvectors."""
     noinline()
     n = sh.shape[1]
     for p in range(2):
-        re, im = d * change[2 * p], d * change[2 * p + 1]
+        re, im, z, top = d * change[2 * p], d * change[2 * p + 1], at.z + 2 * p * n, at.nodes + p * 2 * n * n
+        if n >= WIDE and work[at.band] == 0.0:
+            for i in range(n):
+                work[at.solve + i], work[at.solve + n + i] = sh[a, i] * re, sh[a, i] * im
+            solve_band(work, top, at.band, at.solve, n)
+            for i in range(2 * n):
+                work[z + i] -= work[at.solve + i]
+            continue
         for i in range(n):
-            top = nodes + p * 2 * n * n + i * n
-            real, imaginary = sum_at(work, top, sh, a), sum_at(work, top + n * n, sh, a)
-            work[z + 2 * p * n + i] -= real * re - imaginary * im
-            work[z + (2 * p + 1) * n + i] -= real * im + imaginary * re
+            real = sum_along(work, top + i * n, sh, a, at.sh_ends)
+            imaginary = sum_along(work, top + (n + i) * n, sh, a, at.sh_ends)
+            work[z + i] -= real * re - imaginary * im
+            work[z + n + i] -= real * im + imaginary * re
 
 
 @njit(**INLINED)
@@ -311,7 +319,7 @@ def settles(d: float, kc: Floats, laws: Laws, sh: Floats, twist: Floats, work: F
             change = (found[0] - work[mine], found[1] - work[mine + 1], found[2] - work[mine + 2], found[3] - work[mine + 3])
             size = max(max(abs(change[0]), abs(change[1])), max(abs(change[2]), abs(change[3])))
             if size > 0.0:
-                push_nodes(a, d, change, sh, work, at.nodes, at.z)
+                push_nodes(a, d, change, sh, work, at)
                 worst = max(worst, size / (1.0 + abs(work[mine + BEGUN])))
             missed = max(missed, abs(found[MADE_UP]) * work[mine + MOBILITY])
             for row in range(BEGUN):

@@ -41,6 +41,7 @@ from rig_nodes.driveline.algebra import (
 )
 from rig_nodes.driveline.losses import FACTOR, ON, brakes, solve_losses
 from rig_nodes.driveline.losses import WEIGHTS as OF_TORQUES
+from rig_nodes.driveline.wide import WIDE, factorise, push_along, solve_band, sum_along
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
@@ -103,10 +104,10 @@ def fastest_rate(structure: Structure, cap: Floats, work: Floats) -> float:
     stiff = damped = drag = 0.0
     for a in range(s):
         for i in range(n):
-            work[at.z + i] = sum_at(work, at.p + i * n, sh, a)
+            work[at.z + i] = sum_along(work, at.p + i * n, sh, a, at.sh_ends)
         by_k = by_c = 0.0
         for b in range(s):
-            along = abs(sum_at(work, at.z, sh, b))
+            along = abs(sum_along(work, at.z, sh, b, at.sh_ends))
             by_k += along * math.sqrt(abs(kc[0, a] * kc[0, b]))
             by_c += along * math.sqrt(abs(kc[1, a] * kc[1, b]))
         stiff, damped = max(stiff, by_k), max(damped, by_c)
@@ -125,6 +126,60 @@ def part_of(h: float, rate: float) -> float:
 
 
 @njit(**INNER)
+def make_bands(d: float, structure: Structure, cap: Floats, work: Floats, at: Places) -> bool:
+    """Compute the factors of M + l d C + l^2 d^2 K for both eigenvalues l, where that is quicker than what `make_nodes` computes.
+
+    That is where many speeds, none of them held by a stuck element, each have a mass of their own. Each row of the factors begins
+    at the first speed with which a shaft or a drag joins it, so that a chain takes a time in proportion to its length. No row needs
+    to be exchanged: l has a positive imaginary part and C and K no negative values, so that no leading part is singular.
+
+    Returns
+    -------
+    bool
+        False where the matrices have to be made.
+    """
+    noinline()
+    minv, w, sh, kc = structure.minv, structure.w, structure.sh, structure.kc
+    m, n = w.shape
+    able = n >= WIDE and work[0] == 1.0  # the number of no stuck element
+    for i in range(n if able else 0):
+        work[at.band + i] = i
+        for j in range(i):
+            able = able and minv[i, j] == 0.0
+    for k in range(m + sh.shape[0] if able else 0):
+        if k >= m:
+            able = able and kc[0, k - m] >= 0.0 and kc[1, k - m] >= 0.0
+        elif cap[VISC, k] == 0.0:
+            continue
+        else:
+            able = able and cap[VISC, k] > 0.0
+        first, behind = int(work[at.w_ends + 2 * k]), int(work[at.w_ends + 2 * k + 1])
+        for i in range(first, behind):
+            work[at.band + i] = min(work[at.band + i], float(first))
+    if not able:
+        return False
+    for p in range(2):
+        root = d * complex(EIGENVALUES[p][0], EIGENVALUES[p][1])
+        top = at.nodes + p * 2 * n * n
+        for i in range(n):
+            for j in range(int(work[at.band + i]), i):
+                work[top + i * n + j] = work[top + (n + i) * n + j] = 0.0
+            work[top + i * n + i], work[top + (n + i) * n + i] = 1.0 / minv[i, i], 0.0
+        for k in range(m + sh.shape[0]):
+            factor = root * cap[VISC, k] if k < m else root * kc[1, k - m] + root * root * kc[0, k - m]
+            if factor == 0.0:
+                continue
+            first, behind = int(work[at.w_ends + 2 * k]), int(work[at.w_ends + 2 * k + 1])
+            for i in range(first, behind):
+                for j in range(first, i + 1):
+                    share = factor * (w[k, i] * w[k, j] if k < m else sh[k - m, i] * sh[k - m, j])
+                    work[top + i * n + j] += share.real
+                    work[top + (n + i) * n + j] += share.imag
+        factorise(work, top, at.band, n)
+    return True
+
+
+@njit(**INNER)
 def make_nodes(d: float, structure: Structure, cap: Floats, work: Floats) -> None:
     """Compute (I + l d P C + l^2 d^2 P K)^-1 P for both eigenvalues l, the real parts above the imaginary ones."""
     noinline()
@@ -135,6 +190,9 @@ def make_nodes(d: float, structure: Structure, cap: Floats, work: Floats) -> Non
     work[1], work[2], work[3] = work[0], d, 1.0
     for a in range(sh.shape[0]):
         work[at.made + 2 * a], work[at.made + 2 * a + 1] = kc[0, a], kc[1, a]
+    if make_bands(d, structure, cap, work, at):
+        return
+    work[at.band] = -1.0
     for i in range(n * n):
         work[at.a + i] = work[at.b + i] = 0.0
     for f in range(m):
@@ -170,39 +228,66 @@ def put_sum(row: int, factor: float, to: int, work: Floats, at: Places, n: int) 
 
 
 @njit(**INNER)
+def solve_wide(d: float, force: int, dforce: int, work: Floats, at: Places, n: int) -> None:
+    """Set both z as :func:`solve_nodes` does, by factors, or by rows in place of the equal columns as `algebra.multiply_wide`."""
+    noinline()
+    for p in range(2):
+        (re, im), z, nodes = EIGENVALUES[p], at.z + 2 * p * n, at.nodes + p * 2 * n * n
+        real, imaginary = work[z : z + n], work[z + n : z + 2 * n]
+        if work[at.band] == 0.0:
+            for i in range(n):
+                real[i], imaginary[i] = d * (work[force + i] + re * work[dforce + i]), d * im * work[dforce + i]
+            solve_band(work, nodes, at.band, z, n)
+            continue
+        for i in range(n):
+            real[i] = imaginary[i] = 0.0
+        for j in range(n):
+            x, y = d * (work[force + j] + re * work[dforce + j]), d * im * work[dforce + j]
+            top = nodes + j * n
+            one, two = work[top : top + n], work[top + n * n : top + (n + 1) * n]
+            for i in range(n):
+                real[i] += one[i] * x - two[i] * y
+                imaginary[i] += one[i] * y + two[i] * x
+
+
+@njit(**INNER)
 def solve_nodes(d: float, force: int, dforce: int, work: Floats, at: Places, n: int) -> None:
     """Set both z, and the change of the speeds over a part d and its mean, for the forces at two places of the work buffer."""
     noinline()
-    for p in range(2):
-        re, im = EIGENVALUES[p]
-        for i in range(n):
-            real = imaginary = 0.0
-            top = at.nodes + p * 2 * n * n + i * n
-            low = top + n * n
-            for j in range(n):
-                x, y = work[force + j] + re * work[dforce + j], im * work[dforce + j]
-                real += work[top + j] * x - work[low + j] * y
-                imaginary += work[top + j] * y + work[low + j] * x
-            work[at.z + 2 * p * n + i], work[at.z + (2 * p + 1) * n + i] = d * real, d * imaginary
+    if n >= WIDE:
+        solve_wide(d, force, dforce, work, at, n)
+    else:
+        for p in range(2):
+            re, im = EIGENVALUES[p]
+            for i in range(n):
+                real = imaginary = 0.0
+                top = at.nodes + p * 2 * n * n + i * n
+                low = top + n * n
+                for j in range(n):
+                    x, y = work[force + j] + re * work[dforce + j], im * work[dforce + j]
+                    real += work[top + j] * x - work[low + j] * y
+                    imaginary += work[top + j] * y + work[low + j] * x
+                work[at.z + 2 * p * n + i], work[at.z + (2 * p + 1) * n + i] = d * real, d * imaginary
     put_sum(END, 1.0, at.dv, work, at, n)
     put_sum(MEAN, 1.0, at.mean, work, at, n)
 
 
 @njit(**INNER)
-def push_back(gain: int, twist: int, factor: float, to: int, structure: Structure, cap: Floats, work: Floats) -> None:
-    """Subtract from the forces at ``to`` what dampers take by a gain of the speeds, and springs by factor times ``twist``."""
+def push_back(
+    gain: int, twist: int, factor: float, to: int, structure: Structure, cap: Floats, work: Floats, of: tuple[int, int]
+) -> None:
+    """Subtract from the forces at ``to`` what dampers take by a gain of the speeds, and springs by factor times ``twist``.
+
+    The ends of the rows of elements and shafts are at ``of``.
+    """
     noinline()
     w, sh, kc = structure.w, structure.sh, structure.kc
-    n = w.shape[1]
     for a in range(sh.shape[0]):
-        torque = kc[1, a] * sum_at(work, gain, sh, a) + kc[0, a] * factor * sum_at(work, twist, sh, a)
-        for j in range(n):
-            work[to + j] -= sh[a, j] * torque
+        torque = kc[1, a] * sum_along(work, gain, sh, a, of[1]) + kc[0, a] * factor * sum_along(work, twist, sh, a, of[1])
+        push_along(work, to, sh, a, torque, of[1])
     for f in range(w.shape[0]):
         if cap[VISC, f] != 0.0:
-            torque = cap[VISC, f] * sum_at(work, gain, w, f)
-            for j in range(n):
-                work[to + j] -= w[f, j] * torque
+            push_along(work, to, w, f, cap[VISC, f] * sum_along(work, gain, w, f, of[0]), of[0])
 
 
 @njit(**INLINED)
@@ -213,8 +298,8 @@ def forces_by_nodes(d: float, structure: Structure, cap: Floats, work: Floats, a
     put_sum(MOMENT, 1.0, at.moment, work, at, n)
     for j in range(n):
         work[at.during + j] = work[at.force + j] + 0.5 * work[at.dforce + j]
-    push_back(at.mean, at.twice, 1.0, at.during, structure, cap, work)
-    push_back(at.dv, at.mean, d, at.dforce, structure, cap, work)
+    push_back(at.mean, at.twice, 1.0, at.during, structure, cap, work, (at.w_ends, at.sh_ends))
+    push_back(at.dv, at.mean, d, at.dforce, structure, cap, work, (at.w_ends, at.sh_ends))
 
 
 @njit(**INLINED)
@@ -222,7 +307,7 @@ def elements_by_nodes(w: Floats, mode: Ints, work: Floats, at: Places) -> None:
     """Set slips and torques of the elements at the end of a part, and their mean torques."""
     n = w.shape[1]
     for f in range(w.shape[0]):
-        work[at.slip1 + f] = work[at.slip0 + f] + sum_at(work, at.dv, w, f)
+        work[at.slip1 + f] = work[at.slip0 + f] + sum_along(work, at.dv, w, f, at.w_ends)
         if mode[f] == STUCK:
             total = 0.0
             for j in range(n):
@@ -244,7 +329,7 @@ def losses_by_nodes(d: float, structure: Structure, cap: Floats, loss: Floats, s
     for j in range(n):
         work[at.during + j] = work[at.force + j] + work[at.dforce + j]
         work[at.moment + j] = 0.0
-    push_back(at.dv, at.mean, d, at.during, structure, cap, work)
+    push_back(at.dv, at.mean, d, at.during, structure, cap, work, (at.w_ends, at.sh_ends))
     for a in range(count):
         # the torque by the forces at the end: that of stuck elements, and that of accelerations
         torque = 0.0
@@ -267,7 +352,7 @@ def losses_by_nodes(d: float, structure: Structure, cap: Floats, loss: Floats, s
         for j in range(n):
             work[at.row + j] = work[at.during + j] = w[on, j]
         solve_nodes(d, at.moment, at.row, work, at, n)
-        push_back(at.dv, at.mean, d, at.during, structure, cap, work)
+        push_back(at.dv, at.mean, d, at.during, structure, cap, work, (at.w_ends, at.sh_ends))
         for a in range(count):
             fall = sum_of(work, at.rho + a * n, at.during, n) - loss[a, OF_TORQUES + on]
             work[at.fall + a * count + b] = by * fall
@@ -275,12 +360,12 @@ def losses_by_nodes(d: float, structure: Structure, cap: Floats, loss: Floats, s
 
 
 @njit(**INNER)
-def squared(start: float, rows: Floats, a: int, work: Floats, at: Places) -> float:
+def squared(start: float, rows: Floats, a: int, work: Floats, z: int, ends: int) -> float:
     """Return the mean square over a part of a rate that is ``start`` at its beginning and changes by row a times the speeds."""
     noinline()
     n, total = rows.shape[1], 0.0
-    re0, im0 = sum_at(work, at.z, rows, a), sum_at(work, at.z + n, rows, a)
-    re1, im1 = sum_at(work, at.z + 2 * n, rows, a), sum_at(work, at.z + 3 * n, rows, a)
+    re0, im0 = sum_along(work, z, rows, a, ends), sum_along(work, z + n, rows, a, ends)
+    re1, im1 = sum_along(work, z + 2 * n, rows, a, ends), sum_along(work, z + 3 * n, rows, a, ends)
     for i in range(NODES):
         share = SHARES[i]
         rate = start + share[0] * re0 + share[1] * im0 + share[2] * re1 + share[3] * im1
@@ -304,10 +389,10 @@ def take_by_nodes(d: float, xa: float, xb: float, structure: Structure, loads: L
         el[LAM, f] = work[at.torque1 + f]
         el[IMPULSE, f] += d * lam
         if mode[f] != STUCK and mode[f] != OPEN:
-            slip = work[at.slip0 + f] + sum_at(work, at.mean, w, f)
-            el[E_FRIC, f] += d * (lam * slip + change * sum_at(work, at.moment, w, f))
+            slip = work[at.slip0 + f] + sum_along(work, at.mean, w, f, at.w_ends)
+            el[E_FRIC, f] += d * (lam * slip + change * sum_along(work, at.moment, w, f, at.w_ends))
         if cap[VISC, f] != 0.0:
-            el[E_VISC, f] += d * cap[VISC, f] * squared(work[at.slip0 + f], w, f, work, at)
+            el[E_VISC, f] += d * cap[VISC, f] * squared(work[at.slip0 + f], w, f, work, at.z, at.w_ends)
     for j in range(n):
         first, final = lin(q[0, j], q[1, j], xa), lin(q[0, j], q[1, j], xb)
         turned = state.v[j] + work[at.mean + j]
@@ -315,8 +400,8 @@ def take_by_nodes(d: float, xa: float, xb: float, structure: Structure, loads: L
         work[at.lag + j] += d * (xb - xa) * work[at.moment + j]
     for a in range(sh.shape[0]):
         rate, was = work[at.rate + a], twist[a]
-        work[at.swing + a] += d * (was + 0.5 * d * rate + sum_at(work, at.twice, sh, a))
-        twist[a] += d * (rate + sum_at(work, at.mean, sh, a))
+        work[at.swing + a] += d * (was + 0.5 * d * rate + sum_along(work, at.twice, sh, a, at.sh_ends))
+        twist[a] += d * (rate + sum_along(work, at.mean, sh, a, at.sh_ends))
         if kc[1, a] != 0.0:
-            shaft[E_SHAFT, a] += d * kc[1, a] * squared(rate, sh, a, work, at)
-        shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rate + sum_at(work, at.dv, sh, a))
+            shaft[E_SHAFT, a] += d * kc[1, a] * squared(rate, sh, a, work, at.z, at.sh_ends)
+        shaft[TAU, a] = kc[0, a] * twist[a] + kc[1, a] * (rate + sum_along(work, at.dv, sh, a, at.sh_ends))

@@ -48,7 +48,6 @@ from rig_nodes.driveline.algebra import (
     noinline,
     places,
     project,
-    rate_of,
     stale,
     sum_at,
     sum_of,
@@ -67,6 +66,7 @@ from rig_nodes.driveline.collocation import (
 )
 from rig_nodes.driveline.joint import carried, jammed, resolve, stop
 from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, brakes, end_losses, put_last, put_losses, worst_of
+from rig_nodes.driveline.wide import WIDE, hold_wide, know_ends, multiply_wide, push_along, rate_along, sum_along
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
@@ -146,15 +146,14 @@ def start_forces(x: float, structure: Structure, loads: Loads, state: State, at:
     bit = 1.0
     for j in range(n):
         work[at.force + j] = lin(loads.q[0, j], loads.q[1, j], x)
+    know_ends(w, sh, work, at)
     for a in range(sh.shape[0]):
-        rate = rate_of(sh, a, state.v)
+        rate = rate_along(sh, a, state.v, work, at.sh_ends)
         work[at.rate + a] = rate
-        torque = kc[0, a] * state.twist[a] + kc[1, a] * rate
-        for j in range(n):
-            work[at.force + j] -= sh[a, j] * torque
+        push_along(work, at.force, sh, a, kc[0, a] * state.twist[a] + kc[1, a] * rate, at.sh_ends)
     for f in range(m):
         mo = mode[f]
-        slip = rate_of(w, f, state.v)
+        slip = rate_along(w, f, state.v, work, at.w_ends)
         work[at.slip0 + f] = slip
         torque = 0.0
         if mo == STUCK:
@@ -163,9 +162,7 @@ def start_forces(x: float, structure: Structure, loads: Loads, state: State, at:
             torque = carried(cap, f, mo, x)
         bit *= 2.0
         work[at.torque0 + f] = torque
-        torque += cap[VISC, f] * slip
-        for j in range(n):
-            work[at.force + j] -= w[f, j] * torque
+        push_along(work, at.force, w, f, torque + cap[VISC, f] * slip, at.w_ends)
     if work[0] != pattern:
         for f in range(m):
             work[at.state + f] = mode[f]
@@ -176,6 +173,10 @@ def start_forces(x: float, structure: Structure, loads: Loads, state: State, at:
 @njit(**INLINED)
 def answer_forces(mode: Ints, n: int, work: Floats, at: Places) -> None:
     """Set the accelerations of n speeds and the torques of stuck elements by the forces at the start of a sub-step."""
+    if n >= WIDE:
+        multiply_wide(work, at.p, at.force, at.accel, n)
+        hold_wide(work, at.r, at.force, at.torque0, mode, n)
+        return
     multiply(work, at.p, at.force, at.accel, n)
     for f in range(mode.shape[0]):
         if mode[f] == STUCK:
@@ -217,14 +218,10 @@ def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss
         elif mo != STUCK:
             torque = carried(cap, f, mo, xb if work[at.lossy + f] == 0.0 else 1.0)
             work[at.torque1 + f] = torque
-            torque -= work[at.torque0 + f]
-            for j in range(n):
-                work[at.dforce + j] -= w[f, j] * torque
+            push_along(work, at.dforce, w, f, torque - work[at.torque0 + f], at.w_ends)
     # spring force grows by k d (rate at the start) before anything implicit
     for a in range(sh.shape[0]):
-        torque = structure.kc[0, a] * d * work[at.rate + a]
-        for j in range(n):
-            work[at.dforce + j] -= sh[a, j] * torque
+        push_along(work, at.dforce, sh, a, structure.kc[0, a] * d * work[at.rate + a], at.sh_ends)
 
 
 @njit(**INLINED)
@@ -244,8 +241,24 @@ def brake_meshes(structure: Structure, cap: Floats, loss: Floats, state: State, 
         f = int(loss[k, ON])
         torque = brakes(loss[k, FACTOR], state.mode[f]) * loss[k, NEXT]
         work[at.torque1 + f] += torque
-        for j in range(state.v.shape[0]):
-            work[at.dforce + j] -= structure.w[f, j] * torque
+        push_along(work, at.dforce, structure.w, f, torque, at.w_ends)
+
+
+@njit(**INNER)
+def change_wide(d: float, w: Floats, cap: Floats, mode: Ints, work: Floats, at: Places) -> None:
+    """Do what :func:`change_speeds` does for many speeds without shafts."""
+    noinline()
+    n = w.shape[1]
+    for j in range(n):
+        work[at.a + j] = d * (work[at.force + j] + 0.5 * work[at.dforce + j])
+    multiply_wide(work, at.h, at.a, at.dv, n)
+    for f in range(mode.shape[0]):
+        gain = sum_along(work, at.dv, w, f, at.w_ends)
+        work[at.slip1 + f] = work[at.slip0 + f] + gain
+        push_along(work, at.dforce, w, f, cap[VISC, f] * gain, at.w_ends)
+    for j in range(n):
+        work[at.a + j] = work[at.force + j] + work[at.dforce + j]
+    hold_wide(work, at.r, at.a, at.torque1, mode, n)
 
 
 @njit(**INLINED)
@@ -256,6 +269,9 @@ def change_speeds(d: float, structure: Structure, cap: Floats, state: State, at:
         solve_nodes(d, at.force, at.dforce, work, at, n)
         forces_by_nodes(d, structure, cap, work, at)
         elements_by_nodes(w, state.mode, work, at)
+        return
+    if n >= WIDE:
+        change_wide(d, w, cap, state.mode, work, at)
         return
     for i in range(n):
         total = 0.0
@@ -315,7 +331,7 @@ def first_event(
         if mo == FORWARD or mo == BACKWARD:
             y0 = mo * work[at.slip0 + f]
             y1 = mo * work[at.slip1 + f]
-            speeding = mo * sum_at(work, at.accel, structure.w, f)
+            speeding = mo * sum_along(work, at.accel, structure.w, f, at.w_ends)
             te = first_down(y0, speeding, y1, d, 1e-12 * span.scale)
             if f == hit:
                 gap = y1
@@ -464,7 +480,7 @@ def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats,
         # without this, a locked clutch would creep by rounding over millions of steps
         for f in range(mode.shape[0]):
             if mode[f] == STUCK:
-                work[at.slip1 + f] = rate_of(structure.w, f, v)
+                work[at.slip1 + f] = rate_along(structure.w, f, v, work, at.w_ends)
         unslip(v, mode.shape[0], mode, int(0), at.slip1, at.r, work)
 
 

@@ -47,6 +47,7 @@ from rig_nodes.driveline.quiet import (
     shares_hold,
 )
 from rig_nodes.driveline.small_vectors import add, dot, product, put, room, scaled, vector
+from rig_nodes.driveline.wide import WIDE
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Record
@@ -234,7 +235,7 @@ def quiet_shafts_step(h: float, line: Record) -> bool:
 
     Returns as `driveline.quiet.quiet_step` does.
     """
-    how, before = CORRECTED, int(0)
+    how, before = EVENT if line.v.shape[0] >= WIDE else CORRECTED, int(0)  # many speeds cost the other step less
     while how == CORRECTED and before < ATTEMPTS:
         how = attempt(h, line, before)
         before += 1
