@@ -55,6 +55,14 @@ def test_each_state_of_the_clutches_has_its_cause(row, which, releasing, engagin
     assert not ("hole" in found and "tie-up" in found)
 
 
+def test_two_clutches_that_change_at_once_have_their_plural(row):
+    third = dataclasses.replace(BOX.clutches[1], name="S3", output=2)
+    gears = tuple(dataclasses.replace(one, clutches=("S2", "S3")) if one.name == "II" else one for one in BOX.gears)
+    box = dataclasses.replace(BOX, clutches=(*BOX.clutches, third), gears=gears)
+    torques = {"high": {"releasing": -20.0, "engaging": 270.0, "error": 0.0}}
+    assert "S2 and S3 carry 270 Nm as they slip, S1 brakes with 20 Nm" in cause(row | {"torques": torques}, box, "high")
+
+
 def test_a_torque_within_its_error_is_no_cause(row):
     unsure = {"releasing": -60.0, "engaging": 310.0, "error": 67.0}
     assert "brakes" not in cause(row | {"torques": {"high": unsure}}, BOX, "high")

@@ -84,3 +84,10 @@ def test_a_bag_without_its_channels_does_not_claim_that_no_shift_was_made():
 def test_a_run_by_hand_without_a_shift_is_called_this_run():
     report = build_report(FakeBag(Shift().recording(1)), {"sequence": NO_SEQUENCE, "description": "ordered over ROS"})
     assert "no shift: this run changes no gear while the input shaft turns" in format_report(report)
+
+
+def test_orders_that_the_recorder_left_out_are_not_called_no_change_of_gear():
+    report = build_report(FakeBag(Shift().recording(1)), {"sequence": "demo", "left_out": {"/controller/events": 6}})
+    text = format_report(report)
+    assert "no shift: the orders of gears were not recorded" in text and "changes no gear" not in text
+    assert "left out by the recorder's options: 6 messages of 1 topics" in text

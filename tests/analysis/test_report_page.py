@@ -101,7 +101,7 @@ def test_each_shift_has_its_metrics_with_errors_verdicts_phases_and_times(text, 
         assert f">settling {1e3 * row['t_o_s']:.0f} ms</text>" in text and f">{1e3 * row['t_c_s']:.0f} ms</text>" in text
     assert [one["verdict"] for one in report["limits"]] and "<h2>Limits</h2>" in text
     assert all(f'class="{one["grade"]}"' in text for one in report["quality"] if one)
-    assert all(one in text for one in ("messages lost", "version of rig_nodes", "canonical hash", "SHA-256", "All settings are"))
+    assert all(one in text for one in ("messages lost", "version of rig_nodes", "rig bag hash", "SHA-256", "All settings are"))
 
 
 def test_the_phases_of_the_page_lie_where_the_report_has_them(text, written):

@@ -38,6 +38,15 @@ def test_the_table_says_what_became_of_each_fault(capsys):
     assert sum(said["counts"].values()) == len(found) - 1
 
 
+def test_each_fault_is_met_in_a_shift_in_which_what_is_faulty_takes_part(capsys):
+    words = ["controller", "check", "alfa46", "--faults", "--rig", "three_speed", "--json", "--only"]
+    assert main([*words, "valve_c2.coil_open,valve_c3.coil_open"]) == 0
+    rows = {row["fault"]: row for row in json.loads(capsys.readouterr().out)["faults"]}
+    assert rows[""]["text"].startswith("1 -> 2: in gear after")
+    assert rows["valve_c2.coil_open"]["text"].startswith("1 -> 2: ") and "coil_open_valve_c2" in rows["valve_c2.coil_open"]["text"]
+    assert rows["valve_c3.coil_open"]["text"].startswith("2 -> 3: ") and "coil_open_valve_c3" in rows["valve_c3.coil_open"]["text"]
+
+
 def test_it_goes_through_every_fault_that_the_rig_can_have_with_a_controller_outside():
     known = faults_of(CONFIG)
     chosen = {one.name for one in chosen_faults(CONFIG, "*")}
@@ -89,7 +98,7 @@ def test_a_trip_came_in_time_when_no_shift_would_have_been_bad_by_then(seconds, 
 def test_what_it_cannot_do_is_refused_in_one_sentence(tmp_path, capsys):
     (tmp_path / "rig.yaml").write_text("description: one gear\nbase: hydmag\ngears: {II: ~}\n")
     config = load_rig(tmp_path)
-    with pytest.raises(RigError, match=r"^controller check --faults shifts from one gear to the next; '.*' has gear I alone$"):
+    with pytest.raises(RigError, match=r"^controller check --faults shifts up from one gear to the next; '.*' has I alone$"):
         next(check_under_faults(lambda rig: load_controller("alfa46", rig), config))
     assert main(["controller", "check", "alfa46", "--faults", "--only", "p1.stuk"]) == 2
     assert "there is no fault 'p1.stuk'; did you mean 'p1.stuck'" in capsys.readouterr().err

@@ -297,9 +297,10 @@ def test_the_list_has_all_of_a_rig_as_json(capsys):
 
 def test_a_rerun_repeats_faults_and_report_and_figures_name_them(tmp_path, capsys):
     steps = "  - fault: {name: p1.offset}\n  - shift: {to: I}\n  - fault: {name: p1.offset, off: true}\n  - wait: {for: 100 ms}\n"
-    simulated(tmp_path, steps, "oil_supply.air, at=0.4567 s")
+    simulated(tmp_path, steps, "oil_supply.air, at=0.4567 s; p2.offset, at=100 s")
     assert main(["report", str(tmp_path / "run")]) == 0
     said = capsys.readouterr().out
+    assert said.count("fault ordered, but never begun: ") == 1 and "never begun: p2.offset, at=100 s" in said
     assert "fault injected: oil_supply.air: share of the volume at the atmosphere 5 %, abrupt, from 0.457 s on" in said
     assert "fault injected: p1.offset: share of the full scale 5 %, abrupt, from 0.205 s to" in said
     assert main(["rerun", str(tmp_path / "run"), "--through", "plant", "--out", str(tmp_path / "again")]) == 0

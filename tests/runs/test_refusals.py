@@ -50,6 +50,7 @@ def changed(text, old, new):
         ("signal: n_wej, above: 1490 rpm", "signal: n_wei, above: 1490 rpm", "there is no signal 'n_wei'; did you mean 'n_wej'"),
         ("{signal: n_wej, above: 1490 rpm}", "{signal: n_wej}", "needs 'above', 'below' or both"),
         ("  - wait: {for: 3 s}", "  - wait: {for: 2 s, timeout: 3 s}", "takes no timeout"),
+        ("above: 1490 rpm}", "above: 1490 rpm}, hold: 25 s", "wait.hold is 25 s, expected at most the timeout of 10 s"),
         ("  - wait: {for: 3 s}", "  - repeat: {times: 0, steps: [{wait: {for: 2 s}}]}", "repeat.times is 0"),
         ("  - oil: {pressure: 4 MPa}", "  - oil: {pressure: 4 MPa}\n    motor: {off: true}", "a step has one key"),
         ("steps:", "steps: {", "expected YAML"),
@@ -194,7 +195,7 @@ def test_the_command_line_says_one_sentence_and_ends_with_2(tmp_path, monkeypatc
     assert sorted(p.name for p in tmp_path.rglob("*")) == ["full", "mine.txt"], "nothing half-written"
 
 
-@pytest.mark.parametrize("verb", ["simulate", "run"])
+@pytest.mark.parametrize("verb", ["simulate", pytest.param("run", marks=pytest.mark.campaign)])
 def test_a_folder_in_use_is_refused_before_the_plant_is_compiled(tmp_path, monkeypatch, verb):
     cache, full = tmp_path / "cache", tmp_path / "full"
     cache.mkdir(mode=0o700)
@@ -291,6 +292,25 @@ def test_a_wait_that_does_not_come_true_says_what_it_saw(tmp_path):
     assert not walk.poll(0.0) and not walk.poll(1.9)
     with pytest.raises(SequenceFailed, match="did not come true within 2 s; n_wej is 0 rpm"):
         walk.poll(2.1)
+
+
+def test_a_wait_whose_condition_does_not_hold_says_that(tmp_path):
+    bench = FakeBench()
+    walk = runner(tmp_path, "[{wait: {until: {signal: n_wej, above: 100 rpm}, hold: 1 s, timeout: 2 s}}]", bench)
+    bench.values["n_wej"] = 20
+    assert not walk.poll(0.0) and not walk.poll(0.9)
+    bench.values["n_wej"] = 0
+    assert not walk.poll(1.0)
+    with pytest.raises(SequenceFailed, match="did not stay true for 1 s within 2 s; n_wej is 0 rpm"):
+        walk.poll(2.1)
+
+
+@pytest.mark.parametrize("gear", ["N", "neutral", "0", "ii"])
+def test_a_sequence_names_a_gear_as_the_command_line_does(tmp_path, gear):
+    path = tmp_path / "seq.yaml"
+    path.write_text(changed(DEMO, "to: II", f"to: {gear}"))
+    shifts = [step for step in load_sequence(path, default="hydmag").steps if step.kind == "shift"]
+    assert shifts[1].value == (2 if gear == "ii" else 0) and shifts[1].text == ("shift to II" if gear == "ii" else "shift to neutral")
 
 
 def test_hold_starts_again_when_the_condition_is_lost(tmp_path):

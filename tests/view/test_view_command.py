@@ -111,9 +111,12 @@ def test_refusals_are_one_sentence(run, arguments, sentence, capsys):
     assert sentence in error and len(error.splitlines()) == 1
 
 
-def test_without_rerun_one_sentence(run, monkeypatch, capsys):
+@pytest.mark.parametrize("options", [[], ["--picture", "{run}/x.png"], ["--picture", "{run}/x.png", "--tab", "run"]])
+def test_without_rerun_one_sentence(run, monkeypatch, capsys, options):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    assert main(["view", str(run)]) == 2
+    for module in ("rerun.blueprint", "rerun.chunk"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    assert main(["view", str(run), *(a.format(run=run) for a in options)]) == 2
     error = capsys.readouterr().err
     assert (
         error.startswith("rig: the Python package rerun is not installed; pip install 'rig_nodes[view]'")

@@ -48,7 +48,8 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
     step = box.ratios[row["from_gear"]] / box.ratios[row["to_gear"]]
     opposed = step * releasing * engaging < 0.0 and min(abs(releasing), abs(engaging)) > clear  # at the output
     slower, step = (releasing, step) if abs(step) > 1.0 else (engaging, 1.0 / step)
-    tied = f"{old} carries {releasing:.0f} Nm and {new} {engaging:.0f} Nm, a tie-up: release {old} earlier or engage {new} later"
+    carried = f"{old} {_do(moved.releasing, 'carries')} {releasing:.0f} Nm and {new} {engaging:.0f} Nm"
+    tied = f"{carried}, a tie-up: release {old} earlier or engage {new} later"
     if which == "low":
         return _cause_of_low(row, box, (releasing, engaging), clear, moved)
     if opposed and -slower * (step - 1.0) >= 0.5 * (reached - asked):
@@ -56,9 +57,10 @@ def cause(row: Mapping, box: Transmission, which: str) -> str:
     if row["t_c_s"] is not None and at > row["t_c_s"] + max(LOCKED, _error(row, "t_c_s", "t_high_s")):
         return _swing(row, at, moved.engaging, new)
     if engaging > max(releasing, asked, clear):
-        against = f", {old} brakes with {abs(releasing):.0f} Nm" if opposed else ""
+        against = f", {old} {_do(moved.releasing, 'brakes')} with {abs(releasing):.0f} Nm" if opposed else ""
         late = f"release {old} earlier and " if opposed and abs(releasing) > TIED * engaging else ""
-        return f"{new} carries {engaging:.0f} Nm as it slips{against}: {late}{_softer(moved.engaging, new)}"
+        slips = f"{_do(moved.engaging, 'carries')} {engaging:.0f} Nm as {'it slips' if len(moved.engaging) < 2 else 'they slip'}"
+        return f"{new} {slips}{against}: {late}{_softer(moved.engaging, new)}"
     return ""
 
 
@@ -79,7 +81,9 @@ def cause_of_time(row: Mapping, box: Transmission, limit: float) -> str:
     if held > none:
         if held <= _error(row, "kiss_s", "departure_s"):
             return ""
-        return f"{old} holds for {1e3 * held:.0f} ms after {new} has begun to carry, a tie-up: release {old} earlier"
+        holds, begun = _do(moved.releasing, "holds"), "has" if len(moved.engaging) < 2 else "have"
+        after = f"{1e3 * held:.0f} ms after {new} {begun} begun to carry"
+        return f"{old} {holds} for {after}, a tie-up: release {old} earlier"
     return cause_of_dip(row, box)
 
 
@@ -100,11 +104,13 @@ def _cause_of_low(row: Mapping, box: Transmission, carried: tuple[float, float],
         later = (
             f"engage {new} later, or " if releasing > max(clear, -TIED * engaging) else ""
         )  # no help once the old clutch is open
-        return f"{new} carries {engaging:.0f} Nm and brakes the output: {later}{_softer(moved.engaging, new)}"
+        brakes = f"{_do(moved.engaging, 'carries')} {engaging:.0f} Nm and {_do(moved.engaging, 'brakes')}"
+        return f"{new} {brakes} the output: {later}{_softer(moved.engaging, new)}"
     if releasing < -clear:
         # where the drive was interrupted before, an earlier release would make that worse
         sooner = f"empty {old} faster" if cause_of_dip(row, box) else f"release {old} earlier"
-        return f"{old} carries {releasing:.0f} Nm and brakes the output: {sooner}"
+        brakes = f"{_do(moved.releasing, 'carries')} {releasing:.0f} Nm and {_do(moved.releasing, 'brakes')}"
+        return f"{old} {brakes} the output: {sooner}"
     if row["t_c_s"] is not None and at > row["t_c_s"] + max(LOCKED, _error(row, "t_c_s", "t_low_s")):
         return _swing(row, at, moved.engaging, new)
     load = row["output_torque_nm"]
@@ -121,6 +127,11 @@ def _error(row: Mapping, *keys: str) -> float:
     """Return the largest error of a difference of metrics of a row, or of one of them; 0 where none is known."""
     errors = row.get("errors") or {}
     return sum(errors.get(key, 0.0) for key in keys)
+
+
+def _do(clutches: tuple[Clutch, ...], verb: str) -> str:
+    """Return a verb for clutches, given as for one."""
+    return verb if len(clutches) < 2 else {"carries": "carry"}.get(verb, verb.removesuffix("s"))
 
 
 def _named(clutches: tuple[Clutch, ...], else_: str) -> str:

@@ -44,6 +44,12 @@ def fault_lines(faults: Iterable[Mapping]) -> list[str]:
     ]
 
 
+def never_begun(injected: Iterable[Mapping], ordered: Iterable[str]) -> list[str]:
+    """Return a line on each fault of an order, as ``--fault`` takes it, that is none of :func:`faults_in`."""
+    begun = {one["name"] for one in injected}
+    return [f"fault ordered, but never begun: {text}" for text in ordered if text.partition(",")[0].strip() not in begun]
+
+
 def faults_at(faults: Iterable[Mapping], start: float, end: float) -> list[str]:
     """Return the names of the faults that act at some time from ``start`` to ``end`` [s]."""
     return [one["name"] for one in faults if one["from_s"] <= end and (one["to_s"] is None or one["to_s"] >= start)]

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..base import number_text
+
 
 def what_is_missing(channels: Mapping[str, np.ndarray], start: float, period: float) -> str:
     """Return a sentence on the rows without values, such as ``M_wej has no values for 35 ms at 9.00 s``; empty when there are none.
@@ -36,4 +38,4 @@ def what_is_missing(channels: Mapping[str, np.ndarray], start: float, period: fl
         if len(names) == len(channels)
         else f"{', '.join(names)} {'has' if len(names) == 1 else 'have'} no values"
     )
-    return f"{everything} for{many} {1e3 * (last - first) * period:.3g} ms at {start + first * period:.2f} s"
+    return f"{everything} for{many} {number_text(1e3 * (last - first) * period, 3)} ms at {start + first * period:.2f} s"

@@ -13,12 +13,12 @@ from collections.abc import Mapping, Sequence
 
 from ..bags import example_of_orders
 from ..base import printable
-from ..rig import Transmission
+from ..rig import CONTROLLER_EVENTS, Transmission
 from .comparison import annex_lines, truth_lines
 from .definitions import NO_SEQUENCE, RPM, undefined_lines
 from .display import aligned
 from .energy import clutch_heat
-from .faults import fault_lines
+from .faults import fault_lines, never_begun
 from .loops import loops_text
 from .metrics import COURSE, Metric, named_metrics
 from .no_change import measured_lines
@@ -80,6 +80,8 @@ def no_shift(report: dict) -> str:
         )
     if "measured" not in report:
         return "no shifts: there is nothing to look for them in"  # the report's problems give the reason
+    if CONTROLLER_EVENTS in _numbers(run.get("left_out")):
+        return "no shift: the orders of gears were not recorded; topics left out by the recorder's options are counted below"
     named = run.get("sequence") not in (None, "", NO_SEQUENCE) and run.get("description")
     what = f"{run['sequence']} ({run['description']})" if named else "this run"
     return f"no shift: {what} changes no gear while the input shaft turns"
@@ -183,7 +185,10 @@ def _run_lines(run: dict) -> list[str]:
         return [f"problem: {problem}" for problem in run.get("problems", [])]  # a logger's file, which is not a run of the rig
     begun = _numbers(run).get("recorded_from_s")
     since = f" (recorded from {begun:.3f} s on)" if begun else ""
-    lines = fault_lines(run.get("faults") or ()) + trip_lines(run)
+    injected, ordered = run.get("faults") or (), (run.get("configuration") or {}).get("faults") or ()
+    lines = fault_lines(injected) + trip_lines(run)
+    if "recorded_from_s" not in run:
+        lines += never_begun(injected, ordered)
     lines += [f"messages lost: {'unknown' if run['lost'] is None else run['lost']}{since}"]
     if left_out := _numbers(run.get("left_out")):
         lines.append(f"left out by the recorder's options: {sum(left_out.values())} messages of {len(left_out)} topics")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..bags import canonical_hash, rig_record
+from ..bags import OpenedBags, content_hash, rig_record
 from ..rig import CHANGED, changed_settings
 
 if TYPE_CHECKING:
@@ -43,7 +43,8 @@ def page_of(bag: Gathered, report: dict, warnings: Sequence[str] = ()) -> str:
     path, record = str(bag.source), rig_record(report["run"].get("configuration") or bag.record, bag.types)
     settings, note = changed_settings(record)
     changes = [(t, text) for t, _, name, text, _ in bag.events() if name == CHANGED]
-    source = [("bag", bag.path.name), ("canonical hash", canonical_hash(path, recover=True)["all"])]
+    with OpenedBags([path]) as opened:
+        source = [("bag", bag.path.name), ("hash by rig bag hash", content_hash(opened)[0]["all"])]
     facts = Facts(source, True, settings, note, changes, list(warnings))
     pages, span = Pages(record), (0.0, bag.last / 1e9)
     return report_page(report, facts, figures_of_shifts(path, report, pages, span), figures_of_run(report, pages, path, span))

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A shift controller under faults: an upshift with each fault of the rig, and what became of it.
+"""A shift controller under faults: an upshift with each fault of the rig, in which what is faulty takes part.
 
 ``rig controller check --faults`` and the tests use it.
 """
@@ -18,7 +18,17 @@ from ..base import RigError, unknown
 from ..controllers import Plug
 from ..plant import MESSAGES
 from ..plant import part as parts
-from ..rig import BAD_CONTROLLER, CONTROLLER, NO_COMMAND, FaultOfRig, RigConfig, check_gearbox, faults_of, with_overrides
+from ..rig import (
+    BAD_CONTROLLER,
+    CONTROLLER,
+    NO_COMMAND,
+    FaultOfRig,
+    RigConfig,
+    Transmission,
+    check_gearbox,
+    faults_of,
+    with_overrides,
+)
 from .session import ORDER, Session
 
 IN_TIME, WELL, BADLY, HARM, FAILED = "tripped in time", "shifted well", "shifted badly", "did harm", "failed itself"
@@ -90,17 +100,46 @@ def check_under_faults(load: Callable[[RigConfig], Plug], config: RigConfig, onl
         fault.
     """
     check_gearbox(config, "controller check --faults")
-    if len(config.structure.gears) < 2:
-        gear = config.structure.gears[0].name
-        raise RigError(f"controller check --faults shifts from one gear to the next; '{config.name}' has gear {gear} alone")
-    chosen = chosen_faults(config, only)
-    healthy = _shift(load, config, "on")
-    if healthy.trip or healthy.took is None:
-        raise RigError(f"the controller does not shift without a fault: {healthy.reason or 'the gear was not reached'}")
-    yield Outcome("", WELL, _numbers(healthy))
-    for one in chosen:
-        shift = _shift(load, config, one.name if one.fault.built_in else f"{one.name}, at={STARTED} s")
-        yield Outcome(one.name, judged(one, shift, healthy, config), f"{_when(shift)}{shift.reason or _numbers(shift)}")
+    ways = _upshifts(config)
+    if not ways:
+        gears = " and ".join(gear.name for gear in config.structure.gears)
+        raise RigError(f"controller check --faults shifts up from one gear to the next; '{config.name}' has {gears} alone")
+    chosen, healthy = chosen_faults(config, only), dict[tuple[int, int], Upshift]()
+    for one in (None, *chosen):
+        way = ways[0] if one is None else _concerned(one.owner, ways, config.transmission)
+        named = f"{config.transmission.way(*way)}: " if len(ways) > 1 else ""
+        if way not in healthy:
+            healthy[way] = found = _shift(load, config, "on", way)
+            if found.trip or found.took is None:
+                raise RigError(
+                    f"the controller does not shift without a fault: {named}{found.reason or 'the gear was not reached'}"
+                )
+        if one is None:
+            yield Outcome("", WELL, named + _numbers(healthy[way]))
+            continue
+        shift = _shift(load, config, one.name if one.fault.built_in else f"{one.name}, at={STARTED} s", way)
+        text = f"{named}{_when(shift)}{shift.reason or _numbers(shift)}"
+        yield Outcome(one.name, judged(one, shift, healthy[way], config), text)
+
+
+def _upshifts(config: RigConfig) -> list[tuple[int, int]]:
+    """Return the changes to the next gear in which the output turns faster the same way."""
+    ratios = config.transmission.ratios
+    return [(a, b) for a, b in config.transmission.ways().values() if ratios[a] / ratios[b] > 1.0]
+
+
+def _concerned(owner: str, ways: list[tuple[int, int]], box: Transmission) -> tuple[int, int]:
+    """Return the upshift in which something of a rig takes part most: its clutch changes, or is engaged, or it is no clutch's."""
+
+    def part_in(way: tuple[int, int]) -> int:
+        change = box.shift(*way)
+        of = [{one.name, one.instance, one.valve, one.valve_name, one.pressure, one.current, one.setpoint} for one in box.clutches]
+        mine = [one.name for one, names in zip(box.clutches, of) if owner in names]
+        changing = [one.name for one in (*change.releasing, *change.engaging)]
+        held = [one.name for one in (*box.engaged(way[0]), *box.engaged(way[1]))]
+        return 2 * any(name in changing for name in mine) + any(name in held for name in mine)
+
+    return max(ways, key=part_in)
 
 
 def judged(one: FaultOfRig, shift: Upshift, healthy: Upshift, config: RigConfig) -> str:
@@ -139,7 +178,7 @@ def _numbers(shift: Upshift) -> str:
     return f"{took}, input torque up to {shift.peak:.0f} Nm"
 
 
-def _shift(load: Callable[[RigConfig], Plug], config: RigConfig, faults: str) -> Upshift:
+def _shift(load: Callable[[RigConfig], Plug], config: RigConfig, faults: str, way: tuple[int, int]) -> Upshift:
     ill, structure = with_overrides(config, {"faults": faults}), config.structure
     by_device = {setting.setpoint.device: key for key, setting in config.settings.steps.items()}
     keys = {
@@ -148,8 +187,8 @@ def _shift(load: Callable[[RigConfig], Plug], config: RigConfig, faults: str) ->
     }
     if not all(keys.values()):
         raise RigError(f"'{config.name}' has no motor, load or oil supply that takes setpoints, which a shift under faults needs")
-    first, second = (gear.name for gear in structure.gears[:2])
-    ratio = config.transmission.ratios[config.transmission.numbers[second]]
+    first, second = (config.transmission.names[gear] for gear in way)
+    ratio = config.transmission.ratios[way[1]]
     took, peak = None, 0.0
     with Session(ill, 1, load(ill)) as session:
         for key in keys[parts.OIL]:

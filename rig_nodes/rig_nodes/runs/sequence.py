@@ -379,10 +379,11 @@ def _torques(load: str, config: RigConfig, where: str) -> tuple[float, float]:
 
 def _shift(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
     check_keys(path, body, ("to", "timeout"), ("to",), "shift", where)
-    gear, gears = str(body["to"]), config.transmission.numbers
-    if gear not in gears:
-        raise RigError(f"{where}: shift.to is {brief(gear)}, expected {', '.join(gears)}")
-    return [Step("shift", f"shift to {gear}", where, gears[gear], timeout=_timeout(body, where, "shift"))]
+    box = config.transmission
+    gear = box.number(str(body["to"]))
+    if gear is None:
+        raise RigError(f"{where}: shift.to is {brief(str(body['to']))}, expected {', '.join(box.numbers)}")
+    return [Step("shift", f"shift to {box.names[gear]}", where, gear, timeout=_timeout(body, where, "shift"))]
 
 
 def _controller(body: Any, path: str | Path, where: str, config: RigConfig) -> list[Step]:
@@ -452,7 +453,11 @@ def _wait(body: Any, path: str | Path, where: str, config: RigConfig) -> list[St
         return [Step("wait", f"wait {body['for']}", where, value)]
     hold = _time(body["hold"], f"{where}: wait.hold") if "hold" in body else 0.0
     condition, text = _condition(body["until"], path, f"{where}: wait.until", config)
-    return [Step("wait", f"wait until {text}", where, hold=hold, timeout=_timeout(body, where, "wait"), condition=condition)]
+    timeout = _timeout(body, where, "wait")
+    if hold > timeout:
+        given = body.get("timeout", f"{DEFAULT_TIMEOUT:g} s, where none is given")
+        raise RigError(f"{where}: wait.hold is {body['hold']}, expected at most the timeout of {given}")
+    return [Step("wait", f"wait until {text}", where, hold=hold, timeout=timeout, condition=condition)]
 
 
 def _condition(node: Any, path: str | Path, where: str, config: RigConfig) -> tuple[Condition, str]:

@@ -208,12 +208,14 @@ class SequenceRunner:
         else:
             return True
         if not done and waited > step.timeout:
-            seen = ""
+            seen, failed = "", "did not come true"
             if step.condition is not None:
                 signal = self.config.catalogue.signal(step.condition.signal)
                 value = signal.shown(self.bench.reading(signal.name))
                 seen = f"; {signal.name} is {value:.4g} {signal.display_unit}"
+                if step.hold > 0.0:
+                    failed = f"did not stay true for {step.hold:g} s"
             elif step.kind == "shift" and (says := self.bench.controller_gear()) is not None:
                 seen = f"; the controller reports gear {says[0]}, {'shifting' if says[1] else 'not shifting'}"
-            raise SequenceFailed(f"{step.where}: '{step.text}' did not come true within {step.timeout:g} s{seen}")
+            raise SequenceFailed(f"{step.where}: '{step.text}' {failed} within {step.timeout:g} s{seen}")
         return done

@@ -316,15 +316,15 @@ class Session:
     def _order(self, gear: object) -> None:
         if not self.rig.shifts:
             raise RigError(f"'{self.rig.config.name}' has no gears to order")
-        numbers = self.rig.config.transmission.numbers
-        if str(gear) not in numbers:
-            raise RigError(unknown("gear", str(gear), numbers))
-        number = numbers[str(gear)]
+        box = self.rig.config.transmission
+        number = box.number(str(gear))
+        if number is None:
+            raise RigError(unknown("gear", str(gear), box.numbers))
         if self._plug is not None or self.rig.embedded:
             self._bench.order_gear(number)
         else:
             self._gear = number
-            self._listener.event(CONTROLLER_EVENTS, SHIFT_ORDERED, f"shift to {gear} ordered", number)
+            self._listener.event(CONTROLLER_EVENTS, SHIFT_ORDERED, f"shift to {box.names[number]} ordered", number)
 
     def _take_command(self, level: str, values: Values[float]) -> None:
         if self.rig.newest_command == self.rig.sample:

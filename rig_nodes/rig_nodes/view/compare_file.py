@@ -52,7 +52,7 @@ def write_compare_file(found: Comparison, pages: Pages, path: Path) -> None:
     drawn = [*shifts, (figure_of_runs(found, pages), 1.0)]  # with the unit of its time in s
     tabs = [_tab(figure, f"figure_{n}", names, second) for n, (figure, second) in enumerate(drawn)]
     shown = layout.whole(rrb.Tabs(*tabs), "collapsed", "expanded", "paused")
-    with whole_file(path, "choose another place") as part, recording(part, "comparison", shown) as (rr, rec):
+    with whole_file(path, "choose another place") as part, recording(part, "comparison", lambda: shown) as (rr, rec):
         for n, (figure, second) in enumerate(drawn):
             start, end = (second * at for at in (figure.columns[0].first, figure.columns[0].last))
             for row, panel in enumerate(figure.panels):

@@ -28,7 +28,7 @@ from .moments import MomentCurves, Reader, log_offset, measured_pages, metrics_o
 from .pages import Pages
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from types import ModuleType
 
     from rerun import RecordingStream
@@ -109,11 +109,14 @@ def whole_file(path: Path, remedy: str) -> Iterator[Path]:
 
 
 @contextmanager
-def recording(path: Path, key: str, shown: Blueprint | None = None) -> Iterator[tuple[ModuleType, RecordingStream]]:
-    """Give the rerun module and a recording that is written to a file with its layout; without one it is sent later."""
+def recording(path: Path, key: str, shown: Callable[[], Blueprint] | None = None) -> Iterator[tuple[ModuleType, RecordingStream]]:
+    """Give the rerun module and a recording that is written to a file with its layout; without one it is sent later.
+
+    ``shown`` makes the layout once the module is there.
+    """
     rr = import_rerun()
     rec = rr.RecordingStream(APPLICATION, recording_id=key, send_properties=False)  # properties hold the wall clock
-    rec.save(path, default_blueprint=shown)
+    rec.save(path, default_blueprint=shown() if shown else None)
     yield rr, rec
     rec.flush()
     rec.disconnect()
@@ -193,7 +196,7 @@ def make_close_view(run: str | Path, path: Path, tab: str | None, wanted: Sequen
         tab = source.tab(tab)
         if source.report is None or tab not in [one.page.key for one in source.close]:
             return None
-        with recording(path, "close", source.blueprint(tab, {})) as (rr, rec):
+        with recording(path, "close", lambda: source.blueprint(tab, {})) as (rr, rec):
             source.send(rr, rec)
             _send_texts(rr, rec, source, source.report, [])
         lacks, faulty = _lacks(index)
