@@ -3,8 +3,7 @@
 
 """The pictures of the lessons, drawn by the lessons' own commands when the site is built: none of them can be out of date.
 
-conf.py names it as an extension of Sphinx. A reader on the site sees below each block of commands what the block draws; what the
-commands print is kept beside the pictures, where tests/house/test_site.py holds the lessons' numbers against it.
+conf.py names it as an extension of Sphinx. A reader on the site sees below each block of commands what the block draws.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def draw() -> None:
-    """Run the commands of each lesson, and keep what they print and draw; ExtensionError when one of them fails."""
+    """Run the commands of each lesson, and keep what they draw; ExtensionError when one of them fails."""
     folder = DOCS / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     lessons = re.split(r"^## ", (DOCS / PAGE).with_suffix(".md").read_text(encoding="utf-8"), flags=re.M)[1:]
@@ -53,14 +52,13 @@ def draw() -> None:
     logging.getLogger("numexpr").setLevel(logging.WARNING)  # Sphinx shows what it says of its threads
     with tempfile.TemporaryDirectory() as place, contextlib.chdir(place):
         os.symlink(DOCS, "docs")
-        for number, lesson in enumerate(lessons, 1):
+        for lesson in lessons:
             said = io.StringIO()
             for command in COMMAND.findall(lesson):
                 with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
                     code = main(shlex.split(command))
                 if code:
                     raise ExtensionError(f"docs/{PAGE}.md: './rig {command}' has exit code {code}: {said.getvalue()}")
-            (folder / f"{number}.txt").write_text(said.getvalue(), encoding="utf-8")
             for name in DRAWS.findall(lesson):
                 shutil.move(name, folder / name)  # the temporary folder may be on another file system
 

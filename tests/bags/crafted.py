@@ -137,6 +137,10 @@ BAGS = {
         file(chunk(HEAD), *[chunk(message(b"") * 1_900_000, "zstd")] * 20),
         "more than 200 for each byte of the file",
     ),
+    "forty messages that unpack to 60 MB each": lambda: (
+        file(chunk(HEAD + message(zstandard.compress(bytes(60 * MIB))) * 40)),
+        "more than 200 for each byte of the file",
+    ),
     "an unknown compression": lambda: (file(chunk(HEAD, "xz")), "compressed as 'xz', expected zstd, lz4 or nothing"),
     "a wrong checksum": lambda: (file(chunk(HEAD + message(), crc=1)), "does not match its checksum"),
     "a chunk in a chunk": lambda: (file(chunk(chunk(HEAD))), "a record of kind 6 is among the messages"),

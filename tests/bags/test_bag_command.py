@@ -9,12 +9,14 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 import zstandard
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -24,6 +26,7 @@ from rig_nodes.cli.main import main
 
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 FILE = SAMPLE / "sample_0.mcap"
+BRIEF = Path(__file__).parents[1] / "graph" / "brief.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +101,9 @@ def test_info_and_check_count_every_message_of_every_form(others, sample, capfd)
     assert code == 0 and out.count(f"whole, {held} messages of {len(sample.counts)} topics") == len(others), err
 
 
+LATCHED = ("/rig/run_info", "/instruments/channels", "/instruments/controller_record")
+
+
 def test_two_halves_merged_again_are_the_bag_and_other_readers_open_it(sample, capfd, tmp_path):
     assert rig_bag(capfd, "cut", SAMPLE, "--from", 1, "--out", tmp_path / "late")[0] == 0
     assert rig_bag(capfd, "cut", SAMPLE, "--to", 1, "--out", tmp_path / "early")[0] == 0
@@ -111,7 +117,81 @@ def test_two_halves_merged_again_are_the_bag_and_other_readers_open_it(sample, c
     with AnyReader([tmp_path / "again"]) as reader:
         assert {name: topic.msgcount for name, topic in reader.topics.items()} == sample.counts
     assert Bag(tmp_path / "early").counts["/motor/state"] == 200
+    early, late = ({topic: bag.counts[topic] for topic in LATCHED} for bag in (Bag(tmp_path / "early"), Bag(tmp_path / "late")))
+    assert early == late == dict.fromkeys(LATCHED, 1), "a part of a run says what its rig is"
     assert rig_bag(capfd, "check", tmp_path / "late")[0] == 0
+
+
+def offered_in(folder):
+    """Returns the profiles of every topic by a bag's metadata.yaml and by its files."""
+    information = yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    topics = [entry["topic_metadata"] for entry in information["topics_with_message_count"]]
+    in_files = {}
+    for path in folder.glob("*.mcap"):
+        with open(path, "rb") as file:
+            for channel in make_reader(file).get_summary().channels.values():
+                in_files[channel.topic] = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "[]"))
+    return {topic["name"]: topic["offered_qos_profiles"] for topic in topics}, in_files
+
+
+def read_with_rosbags(folder):
+    """Returns the profiles by topic and the messages that rosbags finds, which looks for channels by their profiles too."""
+    with Reader(folder) as reader:
+        offered = {one.topic: one.ext.offered_qos_profiles for one in reader.connections}
+        return offered, sorted((time, one.topic, bytes(data)) for one, time, data in reader.messages())
+
+
+def test_metadata_and_channels_of_a_run_and_of_its_copies_name_the_same_profiles(run, capfd, tmp_path):
+    assert main(["simulate", str(BRIEF), "--out", str(tmp_path / "simulated")]) == 0
+    for source, verbs in ((run, ("recover", "cut", "merge")), (tmp_path / "simulated", ("recover",))):
+        named, in_files = offered_in(source)
+        assert named == in_files and named["/controller/command"][0]["deadline"] == {"sec": 0, "nsec": 100_000_000}
+        read = read_with_rosbags(source)
+        for verb in verbs:
+            copy = tmp_path / verb / source.name
+            assert rig_bag(capfd, verb, source, "--out", copy)[0] == 0
+            assert offered_in(copy) == (named, in_files)
+            assert read_with_rosbags(copy) == read
+
+
+ODD = Qos(
+    QosHistory.KEEP_ALL,
+    7,
+    QosReliability.BEST_EFFORT,
+    QosDurability.TRANSIENT_LOCAL,
+    QosTime(3, 5),
+    QosTime(2147483647, 4294967295),
+    QosLiveliness.MANUAL_BY_TOPIC,
+    QosTime(0, 0),
+    True,
+)
+
+
+@pytest.mark.parametrize("mode", [None, CompressionMode.MESSAGE], ids=["plain", "messages packed"])
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3], ids=["mcap", "sqlite3"])
+def test_a_copy_of_a_foreign_bag_keeps_its_profiles_and_its_messages_are_unpacked(storage, mode, capfd, tmp_path):
+    source, store = tmp_path / "source", get_typestore(Stores.ROS2_JAZZY)
+    writer = RosbagsWriter(source, version=9, storage_plugin=storage)
+    if mode is not None:
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+    texts = [store.serialize_cdr(store.types["std_msgs/msg/String"](f"text {n}"), "std_msgs/msg/String") for n in range(50)]
+    with writer:
+        for topic, profiles in {"/odd": [ODD, ODD._replace(depth=1)], "/none": []}.items():
+            connection = writer.add_connection(topic, "std_msgs/msg/String", typestore=store, offered_qos_profiles=profiles)
+            for number, text in enumerate(texts):
+                writer.write(connection, 10**18 + number, text)
+    assert rig_bag(capfd, "check", source)[0] == 0
+    for path in (source, *(tmp_path / verb for verb in ("recover", "cut", "merge"))):
+        assert path == source or rig_bag(capfd, path.name, source, "--out", path)[0] == 0
+        offered, rows = read_with_rosbags(path)
+        assert offered == {"/odd": [ODD, ODD._replace(depth=1)], "/none": []}
+        assert rows == sorted((10**18 + number, topic, bytes(text)) for number, text in enumerate(texts) for topic in offered)
+        if path != source:
+            named, in_files = offered_in(path)
+            assert named == in_files
+            assert [bytes(data) for _, data in Bag(path).raw("/odd")] == [bytes(text) for text in texts]
+    if storage is StoragePlugin.MCAP:
+        assert [data for _, data in Bag(source).raw("/odd")] == [bytes(text) for text in texts]
 
 
 def test_topics_are_cut_by_name_by_pattern_and_by_exclusion(capfd, tmp_path):

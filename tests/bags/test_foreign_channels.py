@@ -111,6 +111,18 @@ def test_verbs_decode_only_the_topics_that_they_need(verb, mixed, tmp_path, capf
         assert f"not {done}, as no signals of the rig come from them: /json ({why})" in said.err and "/empty" in said.err
 
 
+def test_every_verb_says_that_a_bag_of_no_rig_records_none(tmp_path, capfd):
+    path = tmp_path / "bag.mcap"
+    ns = 1_700_000_000 * 10**9
+    path.write_bytes(crafted.file(crafted.chunk(HEAD + crafted.message(ns=ns) * 3, first=ns, last=ns)))
+    for verb in ("report", "compare", "view", "export"):
+        options = {"compare": [str(path), str(SAMPLE)], "export": ["csv", str(path)], "view": [str(path), "--no-open"]}
+        assert main([verb, *options.get(verb, [str(path)])]) == 2
+        said = capfd.readouterr().err
+        assert said.startswith(f"rig: {path}: its record of the rig cannot be used (ValueError: there is none"), verb
+        assert said.count("cannot be used") == 1 and said.count("\n") == 1, said
+
+
 def test_a_message_without_fields_is_read(mixed):
     assert len(list(Bag(mixed[1]).messages("/empty"))) == 2
 
@@ -121,6 +133,11 @@ BAD_RECORDS = {
     "a time after 2038": (crafted.message(ns=2**63 - 1) * 2, {"/x": 2}, "has the log time 9223372036854775807 ns"),
     "a message without its head": (crafted.record(5, b"\1\0"), {}, "a message is shorter than its own head"),
     "a record of another place": (crafted.record(15, bytes(4)), {}, "a record of kind 15 is among the messages"),
+    "a message that rosbag2 packed and that is garbled": (
+        crafted.message(b"\x28\xb5\x2f\xfd" + b"\xff" * 20) * 2,
+        {"/x": 2},
+        "a message of /x cannot be unpacked",
+    ),
     "a garbled definition": (crafted.record(3, b"\x09\0\xff\xff\xff\xff"), {}, "a record is garbled"),
     "a channel of another topic": (crafted.channel(topic="/y"), {"channel 1": 1}, "channel 1 is given twice"),
     "metadata longer than their channel": (

@@ -6,8 +6,9 @@
 import math
 
 import pytest
+from ruamel.yaml import YAML
 
-from rig_nodes.bags.metadata import offered_by, profile_text
+from rig_nodes.bags.metadata import FOREVER, PROFILES, offered_by, profile_text, profiles_of_today
 from rig_nodes.bags.player import BATCH, CLOCK, STRIDE, Played, Player
 from rig_nodes.bags.reader import Bag
 
@@ -286,3 +287,24 @@ def test_profiles_of_every_rosbag2_are_read():
     partial = offered_by("- reliability: best_effort\n")
     assert not partial.reliable and partial.problem == "it gives no durability"
     assert offered_by(profile_text("latched").replace("\n", "\\n")).latched, "ends of lines may be escaped"
+
+
+def test_recorded_profiles_are_written_in_words_and_what_is_missing_is_the_default():
+    for qos in PROFILES:
+        assert profiles_of_today(profile_text(qos)) == profile_text(qos)
+    assert profiles_of_today("") == "[]\n"
+    numbers = "- {history: 2, depth: 3, reliability: 2, durability: 1, deadline: {sec: 1, nsec: 5}, liveliness: 3}\n"
+    (read,) = YAML(typ="safe").load(profiles_of_today(numbers))
+    assert read == {
+        "history": "keep_all",
+        "depth": 3,
+        "reliability": "best_effort",
+        "durability": "transient_local",
+        "deadline": {"sec": 1, "nsec": 5},
+        "lifespan": FOREVER,
+        "liveliness": "manual_by_topic",
+        "liveliness_lease_duration": FOREVER,
+        "avoid_ros_namespace_conventions": False,
+    }
+    for text in ("best effort, please", "- {history: 9}", "- {depth: -1}", "- {reliability: [1]}"):
+        assert profiles_of_today(text) == profile_text("measurement"), text

@@ -106,7 +106,9 @@ def test_files_of_a_killed_recorder_are_joined_and_those_of_an_ended_one_stay(ro
     writer.flush()
     join_pieces(tmp_path / "killed")
     assert [path.name for path in (tmp_path / "killed").glob("*.mcap")] == ["run_0.mcap"]
-    assert Bag(tmp_path / "killed").counts == whole.counts
+    joined = Bag(tmp_path / "killed")
+    assert joined.counts == whole.counts
+    assert all(joined.channel(topic) == whole.channel(topic) for topic in whole.counts), "also as each was offered"
 
 
 def test_a_plain_file_beside_its_packed_one_counts_once(rows, whole, tmp_path):

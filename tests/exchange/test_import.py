@@ -131,6 +131,19 @@ def test_orders_come_from_a_column_and_the_times_of_the_file_are_kept(tmp_path):
     assert orders_in(bag.events()) == [(pytest.approx(0.3234), 1, 2)]
 
 
+@pytest.mark.parametrize("rows", [2, 3, 5, 6])
+def test_a_recording_of_a_few_ms_is_a_run_that_can_be_read(rows, tmp_path, capsys):
+    arguments = written(tmp_path, change=lambda all_rows: all_rows[:rows], name="short.csv")
+    out = tmp_path / "run"
+    assert main(arguments) == 0
+    assert "nothing was recorded" not in capsys.readouterr().out
+    logger = Bag(out).logger()
+    assert logger.rows == rows and logger.t0 == 0.0 and logger.period == pytest.approx(1e-3)
+    assert logger.channels["M_wej"] == pytest.approx([10 + n % 3 for n in range(rows)])
+    assert main(["export", "csv", str(out), "-o", str(tmp_path / "again.csv")]) == 0
+    assert len((tmp_path / "again.csv").read_text().splitlines()) == rows + 1
+
+
 def test_a_gap_stays_empty_when_it_is_too_long_to_be_bridged(tmp_path, capsys):
     assert main(written(tmp_path, change=lambda rows: rows[:5] + rows[6:20] + rows[30:])) == 0
     assert (
@@ -155,6 +168,15 @@ def test_a_profile_of_the_project_reads_the_file_that_it_shows(profile, tmp_path
         {"M_wej": 65.12, "n_wej": 1500.3 / RPM, "M_wyj": 79.87, "n_wyj": 1085.1 / RPM, "p1": 2.304e6, "p2": -0.002e6}
     )
     assert rows.period == (1.0 if profile == "german" else 1e-3)
+
+
+def test_a_file_with_some_of_the_rigs_names_says_which_are_missing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.csv").write_text("t [s];M_wej [Nm];n_wej [rpm]\n0;1;2\n0.001;1;2\n0.002;1;3\n")
+    assert main(["import", "a.csv", "--rig", "hydmag", "--out", "mine"]) == 0
+    said = capsys.readouterr().out
+    assert "it has no head M_wyj, n_wyj, p1, p2, which a file without a profile needs for rig 'hydmag'" in said
+    assert "--profile a.profile.yaml --out mine" in said and not (tmp_path / "mine").exists()
 
 
 @pytest.mark.parametrize("laboratory", ["German, three lines above", "Polish, cp1250, ms"])

@@ -310,7 +310,7 @@ def test_a_sequence_names_a_gear_as_the_command_line_does(tmp_path, gear):
     path = tmp_path / "seq.yaml"
     path.write_text(changed(DEMO, "to: II", f"to: {gear}"))
     shifts = [step for step in load_sequence(path, default="hydmag").steps if step.kind == "shift"]
-    assert shifts[1].value == (2 if gear == "ii" else 0) and shifts[1].text == ("shift to II" if gear == "ii" else "shift to neutral")
+    assert (shifts[1].value, shifts[1].text) == ((2, "shift to II") if gear == "ii" else (0, "shift to neutral"))
 
 
 def test_hold_starts_again_when_the_condition_is_lost(tmp_path):

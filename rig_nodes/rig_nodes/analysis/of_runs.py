@@ -43,7 +43,8 @@ def gathering(source: Path | str, small: Bag, run: dict, annex_a: float | None =
     try:
         record = small.record = record_of(small, run)  # a bag whose run ended before time began holds none
     except RigError:
-        small.check_began()  # of a run without a beginning not even its rig is recorded
+        with OpenedBags([source]) as opened:
+            opened.check_began()  # of a run without a beginning not even its rig is recorded
         raise
     try:
         box = transmission_of(record) if record["structure"]["gears"] else None

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..bags import NOTHING, UNREADABLE, Bag, Recording, example_of_orders, holds_rig, limits, orders_in, rig_record
-from ..base import RigError, atomic_write
+from ..base import BagError, RigError, atomic_write
 from ..rig import End, Inertias, Transmission, load_rig, transmission_of
 from .annex_a import shifts_annex_a
 from .clipped import clipped_in
@@ -147,6 +147,8 @@ def record_of(bag: Bag | Gathered, run: dict) -> Mapping:
     try:
         record = rig_record(run["configuration"], bag.types) if run.get("configuration") else bag.record
         record["structure"]["gears"]
+    except BagError:
+        raise  # its sentence is whole
     except UNREADABLE as error:
         raise no_rig(error) from None
     return record

@@ -11,7 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..analysis import build_report, gather, info_of, write_report
-from ..bags import OpenedBags, Profile, is_loggers_file, not_sqlite, read_measurement, read_profile, sequence_name, write_bag
+from ..bags import (
+    OpenedBags,
+    Profile,
+    is_loggers_file,
+    not_sqlite,
+    read_measurement,
+    read_profile,
+    sequence_name,
+    why_none,
+    write_bag,
+)
 from ..base import RigError, brief, no_file, quantity, quoted
 from .given import path_of
 from .rig import Rig, load, rig_from
@@ -100,7 +110,8 @@ def _imported(path: Path, rig: Rig | str | None, profile: str | Path | None, ord
         rig = rig_from(rig)
     found = read_measurement(path, read, rig.config.as_dict() if rig else None, "rig=" if rig else "", orders)
     if found is None:
-        raise RigError(f"{path}: its heads are no signals of the rig; give a profile, which rig import {quoted(path)} proposes")
+        why = why_none(path, rig.config.as_dict()) if rig else "its rig is not known"
+        raise RigError(f"{path}: {why}; give a profile, which rig import {quoted(path)} proposes")
     with Temporary() as kept:
         report = imported(found, kept.folder, path)
     return Run(kept.folder, report, kept)

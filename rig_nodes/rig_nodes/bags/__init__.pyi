@@ -13,7 +13,7 @@ from .exchange.files import FILE_KINDS as FILE_KINDS, Order as Order, arrow_sche
 from .exchange.foreign import read_foreign as read_foreign
 from .exchange.formats.format import is_loggers_file as is_loggers_file
 from .exchange.groups import DESCRIBING as DESCRIBING, IN_MEMORY as IN_MEMORY, Rows as Rows, Signals as Signals, on_one_clock as on_one_clock, on_own_clocks as on_own_clocks
-from .exchange.imported import Measurement as Measurement, NO_RIG as NO_RIG, read_measurement as read_measurement, sequence_name as sequence_name, write_bag as write_bag
+from .exchange.imported import Measurement as Measurement, NO_RIG as NO_RIG, read_measurement as read_measurement, why_none as why_none, sequence_name as sequence_name, write_bag as write_bag
 from .exchange.orders import example_of_orders as example_of_orders
 from .exchange.profile import Profile as Profile, read_profile as read_profile
 from .exchange.propose import proposed as proposed
@@ -22,9 +22,9 @@ from .index import HOLE as HOLE
 from .logged import Logged as Logged, Recording as Recording, orders_in as orders_in
 from .mcap_file import not_sqlite as not_sqlite
 from .messages import NOTHING as NOTHING, in_short as in_short, nothing_in as nothing_in
-from .metadata import offered_by as offered_by
+from .metadata import OFFERED as OFFERED, offered_by as offered_by, profiles_of_today as profiles_of_today
 from .old_form import topic_of_today as topic_of_today
-from .opened import OpenedBags as OpenedBags, class_of as class_of
+from .opened import OpenedBags as OpenedBags
 from .pieces import PIECE as PIECE, files_of_run as files_of_run, read_metadata as read_metadata
 from .player import CLOCK as CLOCK, Played as Played, Player as Player
 from .reader import Bag as Bag, Logger as Logger, UNREADABLE as UNREADABLE, recovered as recovered

@@ -21,8 +21,8 @@ from .. import __version__
 from ..base import RigError
 from . import limits
 from .cdr import stamp_and_seq
-from .metadata import offered_by
-from .opened import RUN_INFO, OpenedBags, class_of
+from .metadata import OFFERED, offered_by, profiles_of_today
+from .opened import RUN_INFO, OpenedBags
 from .reader import Bag
 from .run_end import CUT_OFF, OF_COPY
 from .sequence_numbers import Numbers, has_one_sender
@@ -136,8 +136,8 @@ def left_out(bags: OpenedBags) -> list[str]:
     if any(not piece.library.startswith(OWN_LIBRARIES) for piece in bags.pieces):
         found.append("the times of publishing and the numbers of the file's records are not copied; log times take their place")
     for name in bags.types:
-        if problem := offered_by(bags.channel(name)[2].get("offered_qos_profiles", "")).problem:
-            found.append(f"{name}: its quality of service cannot be read ({problem}); metadata.yaml gives the default")
+        if problem := offered_by(bags.channel(name)[2].get(OFFERED, "")).problem:
+            found.append(f"{name}: its quality of service cannot be read ({problem}); the default takes its place")
     return found
 
 
@@ -175,7 +175,8 @@ def write(
     topics : collection of str, optional
         Topics to write; all by default.
     begin, end : int
-        Log times [ns] from ``begin`` to before ``end``.
+        Log times [ns] from ``begin`` to before ``end``. Latched messages of before are written at ``begin``, for without the rig's
+        description none of its signals has a name.
     as_sent : AsSent, optional
         Puts the rig's messages in order.
 
@@ -198,9 +199,18 @@ def write(
             for topic, ros_type in bags.types.items():
                 if topics is None or topic in topics:
                     encoding, text, about = bags.channel(topic)
-                    writer.describe(topic, ros_type, encoding, text, about, class_of(about), bags.topic_of(topic))
+                    if OFFERED in about:
+                        about = {**about, OFFERED: profiles_of_today(about[OFFERED])}
+                    writer.describe(topic, ros_type, encoding, text, about, bags.topic_of(topic))
+            given = set[tuple[str, bytes]]()
+            latched = [name for name in bags.types if offered_by(bags.channel(name)[2].get(OFFERED, "")).latched]
             rows = counted(bags.timeline(bags.types), held)
             for time, (topic, data) in rows if as_sent is None else as_sent.rows(rows):
+                if topic in latched:
+                    if (topic, data) in given and bags.types[topic].startswith("rig_msgs/"):
+                        continue  # of another part of the same run
+                    given.add((topic, data))
+                    time = max(begin, time)  # when a subscriber that came at the beginning would get it
                 if begin <= time < end and (topics is None or topic in topics):
                     writer.write(topic, bags.types[topic], data, time)
             if topics is None and begin == 0 and end > bags.last:  # a part has no end of a run

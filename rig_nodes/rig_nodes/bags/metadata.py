@@ -12,7 +12,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from io import StringIO
 from textwrap import indent
 
@@ -20,11 +20,20 @@ from ..rig import QOS, Offer
 from . import limits
 
 VERSION = 9
-_CLASS = re.compile(r"^(( *)offered_qos_profiles:) (\w+)\n", re.MULTILINE)
 # text that YAML takes without quotes for a text, also YAML 1.1
 _PLAIN = re.compile(r"(?!(?i:y|n|yes|no|on|off|true|false|null)\Z)[A-Za-z/][\w/]*")
+_INDENT = " " * 4  # of what belongs to a topic
 _TOPICS = "TOPICS"  # placeholder until the list of topics is filled in
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
+OFFERED = "offered_qos_profiles"  # key of a channel's metadata
+NOT_OFFERED = "[]\n"  # profiles of a topic of which none were recorded
+# names of the policies' values by their numbers in versions before 9
+_WORDS = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available"),
+}
 
 
 def _profile(offer: Offer) -> dict:
@@ -75,31 +84,62 @@ def offered_by(text: str) -> Offered:
     Offered
         The profile to offer.
     """
+    profiles, problem = _recorded(text)
+    deadlines = [profile["deadline"] for profile in profiles]
+    finite = [d["sec"] * 1_000_000_000 + d["nsec"] for d in deadlines if d["sec"] < FOREVER["sec"] and d["nsec"] < 1_000_000_000]
+    return Offered(
+        reliable=not profiles or any(profile["reliability"] != "best_effort" for profile in profiles),
+        latched=any(profile["durability"] == "transient_local" for profile in profiles),
+        deadline_ns=min((d for d in finite if d > 0), default=0),
+        problem=problem,
+    )
+
+
+@lru_cache(maxsize=256)
+def profiles_of_today(text: str) -> str:
+    """Return recorded profiles of any version as rosbag2 of Jazzy stores them; what is missing or cannot be read is the default."""
+    profiles, _ = _recorded(text)
+    written = _yaml(profiles)
+    return written if len(written) <= limits.PROFILES else _yaml(profiles[:1])  # a copy must be read too
+
+
+def _recorded(text: str) -> tuple[list[dict], str]:
+    """Return recorded profiles in the form of PROFILES, and what of their text could not be read."""
     if len(text) > limits.PROFILES:
-        return Offered(problem=f"it has {len(text)} characters, more than the {limits.PROFILES} that are read")
+        return [PROFILES["measurement"]], f"it has {len(text)} characters, more than the {limits.PROFILES} that are read"
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
     if "\n" not in text:
         text = text.replace("\\n", "\n")  # programs that write it through Python often leave the ends of lines escaped
     try:
-        profiles = YAML(typ="safe", pure=True).load(text) or []
-        deadlines = [profile.get("deadline", FOREVER) for profile in profiles]
-        finite = [
-            int(d["sec"]) * 1_000_000_000 + int(d["nsec"])
-            for d in deadlines
-            if 0 <= d["sec"] < FOREVER["sec"] and 0 <= d["nsec"] < 1_000_000_000
-        ]
-        lacking = {key for profile in profiles for key in ("reliability", "durability") if key not in profile}
-        return Offered(
-            reliable=not profiles or any(p.get("reliability") not in ("best_effort", 2) for p in profiles),
-            latched=any(p.get("durability") in ("transient_local", 1) for p in profiles),
-            deadline_ns=min((d for d in finite if d > 0), default=0),
-            problem=f"it gives no {' and no '.join(sorted(lacking))}" if lacking else "",
-        )
+        given = YAML(typ="safe", pure=True).load(text) or []
+        lacking = {key for profile in given for key in ("reliability", "durability") if key not in profile}
+        return [_in_words(profile) for profile in given], f"it gives no {' and no '.join(sorted(lacking))}" if lacking else ""
     except (YAMLError, AttributeError, LookupError, TypeError, ValueError, ArithmeticError, RecursionError) as error:
         problem = f"{type(error).__name__} {error}".strip().splitlines()[0]
-        return Offered(problem=f"it is no list of profiles ({problem})")
+        return [PROFILES["measurement"]], f"it is no list of profiles ({problem})"
+
+
+def _in_words(profile: Mapping) -> dict:
+    """Return a recorded profile with all its policies, in words."""
+    found = {key: profile.get(key, default) for key, default in PROFILES["measurement"].items()}
+    for key, words in _WORDS.items():
+        found[key] = dict(enumerate(words)).get(found[key], found[key])
+        if found[key] not in words:
+            raise ValueError(f"{key} is {found[key]}")
+    for key, default in PROFILES["measurement"].items():
+        if default is FOREVER:
+            sec, nsec = int(found[key]["sec"]), int(found[key]["nsec"])
+            # no version of rosbag2 reads other times
+            found[key] = {"sec": sec, "nsec": nsec} if 0 <= sec <= FOREVER["sec"] and 0 <= nsec < 1 << 32 else FOREVER
+    if not 0 <= int(found["depth"]) < 1 << 63:
+        raise ValueError(f"depth is {found['depth']}")
+    return {
+        **found,
+        "depth": int(found["depth"]),
+        "avoid_ros_namespace_conventions": bool(found["avoid_ros_namespace_conventions"]),
+    }
 
 
 @cache
@@ -126,7 +166,7 @@ def bag_metadata(files: Sequence[File], topics: list[dict], packed: bool = False
     files : sequence of File
         The files in their order, at least one.
     topics : list of dict
-        Dicts with ``name``, ``type``, ``qos`` (class), ``hash`` (RIHS01) and ``count``, in the order of the file.
+        Dicts with ``name``, ``type``, ``offered`` (profiles as text), ``hash`` (RIHS01) and ``count``, in the order of the file.
     packed : bool
         True when the files are packed with zstd as a whole.
     custom : mapping of str to str, optional
@@ -164,9 +204,7 @@ def bag_metadata(files: Sequence[File], topics: list[dict], packed: bool = False
             "ros_distro": "jazzy",
         }
     )
-    information = information.replace(f" {_TOPICS}\n", "\n" + "".join(_entry(topic) for topic in topics))
-    # profiles are inserted as text, because the library is slow and many topics share a few classes
-    return _CLASS.sub(lambda found: found[1] + "\n" + indent(profile_text(found[3]), found[2]), information)
+    return information.replace(f" {_TOPICS}\n", "\n" + "".join(_entry(topic) for topic in topics))
 
 
 @cache
@@ -176,10 +214,10 @@ def _entry_form() -> str:
         "name": "{name}",
         "type": "{type}",
         "serialization_format": "cdr",
-        "offered_qos_profiles": "{qos}",
+        OFFERED: "{offered}",
         "type_description_hash": "{hash}",
     }
-    return _yaml([{"topic_metadata": about, "message_count": "{count}"}]).replace("'", "")
+    return _yaml([{"topic_metadata": about, "message_count": "{count}"}]).replace("'", "").replace(" {offered}\n", "{offered}")
 
 
 def _entry(topic: dict) -> str:
@@ -187,6 +225,9 @@ def _entry(topic: dict) -> str:
     quoted = {
         key: json.dumps(value) if isinstance(value, str) and not _PLAIN.fullmatch(value) else value for key, value in topic.items()
     }
+    # profiles are inserted as text, because the library is slow and many topics share a few of them
+    offered = topic["offered"]
+    quoted["offered"] = f" {offered}" if offered == NOT_OFFERED else "\n" + indent(offered, _INDENT)
     return _entry_form().format(**quoted)
 
 

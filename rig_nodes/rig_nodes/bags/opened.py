@@ -23,7 +23,6 @@ from . import limits
 from .index import BagIndex, joined_spans
 from .mcap_file import StillWritten
 from .messages import in_short, nothing_in
-from .metadata import offered_by
 from .pieces import PACKED, Metadata, accessible, in_order, plain, read_metadata
 from .reader import Bag
 from .records import ENCODING, Contents
@@ -333,9 +332,3 @@ def files_of(path: Path) -> tuple[list[Path], list[str], list[str], Metadata]:
     if not found:
         raise BagError(f"{path}: holds no bag; expected .mcap or .db3 files, also packed as {PACKED}")
     return found, problems, notes, about
-
-
-def class_of(about: dict[str, str]) -> str:
-    """Return the class of catalogue.QOS in which a channel with this metadata was offered."""
-    offered = offered_by(about.get("offered_qos_profiles", ""))
-    return "latched" if offered.latched else "measurement" if offered.reliable else "best_effort"

@@ -12,6 +12,7 @@ import json
 from collections import Counter, deque
 from collections.abc import Callable
 
+from .metadata import profile_text
 from .pieces import AT_END, LEFT_OUT
 from .writer import BagWriter, MessageRefused
 
@@ -97,7 +98,7 @@ class BagRecording:
 
     def _store(self, topic: str, ros_type: str, data: bytes, time: int, qos: str) -> None:
         try:
-            self.writer.write(topic, ros_type, data, time, qos)
+            self.writer.write(topic, ros_type, data, time, profile_text(qos))
         except MessageRefused:
             self.refused[topic] += 1
         if self._at_end:

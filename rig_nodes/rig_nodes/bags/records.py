@@ -12,6 +12,7 @@ from __future__ import annotations
 import struct
 import zlib
 from array import array
+from collections import Counter
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, field, replace
 from itertools import count
@@ -35,14 +36,17 @@ from .mcap_file import (
     ChunkHead,
     Damage,
     McapFile,
+    check_expansion,
     metadata_of,
     plain_record,
     text,
 )
 from .old_form import Convert, form_of_today, topic_of_today
 
-ENCODING = "cdr/ros2msg"  # that of the messages which can be decoded
+CDR = "cdr/"  # begin of the encoding of ROS 2's messages
+ENCODING = f"{CDR}ros2msg"  # that of the messages which can be decoded
 BYTES = "surrogateescape"  # a definition need not be text; this keeps its bytes
+_FRAME = b"\x28\xb5\x2f\xfd"  # begin of what zstd packed, which is no encapsulation of CDR
 MOST_FAULTS = 1000  # records of a chunk that are at fault, after which it is no chunk of records
 _NO_SCHEMA = 0  # number of the definition that a channel without one names
 
@@ -122,6 +126,8 @@ class Records:
         self._ended: set[int] = set()  # of these, the channels described again before the place of the reading
         self._unzip = zstandard.ZstdDecompressor(max_window_size=limits.CHUNK)
         self._texts = 0
+        self._singly = Counter[int]()  # by byte of the file, unpacked bytes of messages that are packed one by one
+        self._singly_sum = 0
 
     def take(self) -> Contents:
         """Return the messages gathered since the last call; the channels are kept."""
@@ -181,12 +187,28 @@ class Records:
             raise Damage(f"a chunk {held} bytes where its head says {head.size}", at)
         return content
 
+    def _message(self, packed: bytes, stream: Stream, at: int) -> bytes:
+        """Return a message that rosbag2 packed by itself (``compression_mode: message``), unpacked."""
+        what = f"a message of {stream.topic} cannot be unpacked"
+        try:
+            # a frame without its size is of a stream, which rosbag2 does not write
+            if 0 <= (size := zstandard.frame_content_size(packed)) <= limits.CHUNK:
+                self.held += size
+                self._singly[at] += size
+                self._singly_sum += size
+                check_expansion(self._singly_sum, self.file.size, at)
+                return self._unzip.decompress(packed)
+        except zstandard.ZstdError as error:
+            what = f"{what} ({error})"
+        raise Damage(what, at, lost=stream.name)
+
     def records(self, content: bytes, at: int, without: Container[int] = ()) -> None:
         """Read all records of ``content``, found at byte ``at`` of the file, but the messages of the channels ``without``."""
         record, message, streams = RECORD.unpack_from, MESSAGE_HEAD.unpack_from, self.contents.streams
         if self._twice:
             self._ended = {number for number, place in self._twice.items() if place < at}
             streams = self._assigned()
+        self._singly_sum -= self._singly.pop(at, 0)  # what is read again counts once
         next_place, last, head = self.next_place, limits.LAST, MESSAGE_HEAD.size
         position, end, garbled = 0, len(content), 0
         passed: dict[str, Damage] = {}
@@ -209,9 +231,11 @@ class Records:
                         if stream is None or log_time > last:
                             self._pass_over_message(channel, stream, log_time, at, passed)
                             continue
-                        stream.times.append(log_time)
                         data = content[start + 22 : position]
+                        if data[:4] == _FRAME and stream.encoding.startswith(CDR):
+                            data = self._message(data, stream, at)
                         stream.payloads.append(data if stream.convert is None else stream.convert(data))
+                        stream.times.append(log_time)
                         stream.places.append(next_place())
                     elif opcode == SCHEMA:
                         self._schema(content, start, position, at)

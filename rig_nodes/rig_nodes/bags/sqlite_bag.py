@@ -16,9 +16,10 @@ from pathlib import Path
 
 from ..base import BagError, RigError
 from .definitions import installed
+from .metadata import OFFERED
 from .writer import BagWriter, MessageRefused
 
-_TOPIC = ("id", "name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash")
+_TOPIC = ("id", "name", "type", "serialization_format", OFFERED, "type_description_hash")
 
 
 def from_sqlite(file: Path, folder: Path) -> tuple[Path, list[str]]:
@@ -90,9 +91,9 @@ def _describe(writer: BagWriter, topic: dict[str, str], definitions: dict[str, s
         text = text or installed(ros_type).text
     except RigError:
         pass  # its messages are passed through as bytes
-    about = {"offered_qos_profiles": topic["offered_qos_profiles"], "topic_type_hash": topic["type_description_hash"]}
+    about = {OFFERED: topic[OFFERED], "topic_type_hash": topic["type_description_hash"]}
     encoding = f"{topic['serialization_format'] or 'cdr'}/{'ros2msg' if text else ''}"
-    writer.describe(topic["name"], ros_type, encoding, text, about, "measurement")
+    writer.describe(topic["name"], ros_type, encoding, text, about)
 
 
 def _rows(store: sqlite3.Connection, refused: Counter[str]) -> Iterator[tuple]:

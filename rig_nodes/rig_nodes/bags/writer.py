@@ -49,12 +49,12 @@ _SEQUENCE_AT = slice(20, 24)  # its place in a message of the rig's own form
 
 @dataclass(slots=True)
 class _Topic:
-    """A topic of the bag: channel number, definition, quality-of-service class and the properties of its messages."""
+    """A topic of the bag: channel number, definition, offered profiles and the properties of its messages."""
 
     channel: int
     definition: Definition | None  # None for a topic that was described by another bag
     ros_type: str
-    qos: str
+    offered: str
     counted: bool
     own: bool  # True for a topic of the catalogue: its messages are stored without padding
     size: int  # bytes of every message, 0 when the size varies
@@ -192,9 +192,11 @@ class BagWriter:
         if (left := self._room()) < RESERVE:  # not even an empty bag could be ended
             self._close_file()
             self.path.unlink()
-            raise DiskFull(f"{self.path} has room for {max(0, left) // 1024} kB, less than a bag's end needs; free 1 MB of its disk")
+            raise DiskFull(
+                f"{self.path} has room for {max(0, left) // 1024} kB, less than a bag's end needs; free 1 MB of its disk"
+            )
 
-    def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int, qos: str = "measurement") -> None:
+    def write(self, topic: str, ros_type: str, data: bytes, log_time_ns: int, offered: str = "") -> None:
         """Store one encoded message as it is.
 
         On topics of the catalogue the padding that DDS may have appended is removed.
@@ -209,8 +211,8 @@ class BagWriter:
             CDR with encapsulation.
         log_time_ns : int
             Simulated time from 0 on [ns], stored as log and publish time.
-        qos : str
-            Class of catalogue.QOS in which a topic outside the catalogue is offered.
+        offered : str
+            Profiles, as in a channel, of a topic outside the catalogue; those of a measurement when empty.
 
         Raises
         ------
@@ -225,7 +227,7 @@ class BagWriter:
             raise MessageRefused(f"topic {topic}: a message of {log_time_ns / 1e9:g} s; times are 0 to {limits.LAST / 1e9:g} s")
         if len(data) > LARGEST:
             raise MessageRefused(f"topic {topic}: a message of {len(data)} bytes; at most {LARGEST} are recorded")
-        known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, qos)
+        known = self._topics.get(topic) or self._guard(self._add_topic, topic, ros_type, offered)
         if known.ros_type != ros_type:
             raise MessageRefused(f"topic {topic} holds {known.ros_type}, got a {ros_type}; a topic has one type")
         if known.own and known.definition is not None and len(data) != known.size:
@@ -329,7 +331,7 @@ class BagWriter:
     def _add(self, topic: str, known: _Topic, data: bytes, log_time_ns: int) -> None:
         """Store a message, in a new chunk where its time begins one."""
         if self._begin_chunk(log_time_ns):
-            known = self._guard(self._add_topic, topic, known.ros_type, known.qos)
+            known = self._guard(self._add_topic, topic, known.ros_type, known.offered)
         sequence = _SEQUENCE.unpack_from(data, _SEQUENCE_AT.start)[0] if known.counted else known.count
         try:
             self._writer.add_message(known.channel, log_time_ns, data, sequence)
@@ -341,9 +343,7 @@ class BagWriter:
         elif log_time_ns < self._first:
             self._first = log_time_ns
 
-    def describe(
-        self, topic: str, ros_type: str, encoding: str, text: str, about: Mapping[str, str], qos: str, name: str = ""
-    ) -> None:
+    def describe(self, topic: str, ros_type: str, encoding: str, text: str, about: Mapping[str, str], name: str = "") -> None:
         """Prepare a topic as another bag holds it; its messages are then stored byte by byte, also of types not installed here.
 
         Parameters
@@ -357,9 +357,7 @@ class BagWriter:
         text : str
             The definition.
         about : mapping of str to str
-            The channel's own metadata.
-        qos : str
-            Class of catalogue.QOS that metadata.yaml names.
+            The channel's own metadata, whose profiles metadata.yaml repeats.
         name : str
             The topic in the file, where it has several types and therefore ``topic`` is another name.
         """
@@ -371,8 +369,9 @@ class BagWriter:
             schema = self._writer.register_schema(ros_type, language, text.encode(errors=BYTES)) if there else 0
             self._schemas[key] = schema
         channel = self._writer.register_channel(name or topic, message, schema, dict(about))
-        digest = about.get("topic_type_hash", "")
-        self._topics[topic] = _Topic(channel, None, ros_type, qos, False, False, 0, digest, name=name)
+        offered, digest = about.get(metadata.OFFERED), about.get("topic_type_hash", "")
+        offered = metadata.NOT_OFFERED if offered is None else metadata.profiles_of_today(offered)
+        self._topics[topic] = _Topic(channel, None, ros_type, offered, False, False, 0, digest, name=name)
 
     def split(self) -> None:
         """Begin the next file with the next chunk."""
@@ -543,25 +542,23 @@ class BagWriter:
         self._open()
         self._writer = self._begin()
 
-    def _add_topic(self, topic: str, ros_type: str, qos: str) -> _Topic:
+    def _add_topic(self, topic: str, ros_type: str, offered: str) -> _Topic:
         definition = installed(ros_type)
         entry = self._known.get(topic)
-        qos = entry.qos if entry else qos
+        if entry or not offered:
+            offered = metadata.profile_text(entry.qos if entry else "measurement")
         if ros_type not in self._schemas:
             text = definition.text.encode()
             self._schemas[ros_type] = self._writer.register_schema(ros_type, "ros2msg", text)
         channel = self._writer.register_channel(
-            topic,
-            "cdr",
-            self._schemas[ros_type],
-            {"offered_qos_profiles": metadata.profile_text(qos), "topic_type_hash": definition.type_hash},
+            topic, "cdr", self._schemas[ros_type], {metadata.OFFERED: offered, "topic_type_hash": definition.type_hash}
         )
         before = self._earlier[topic].count if topic in self._earlier else 0
         self._topics[topic] = _Topic(
             channel,
             definition,
             ros_type,
-            qos,
+            offered,
             entry is not None and definition.counted,
             entry is not None,
             definition.size if definition.fixed else 0,
@@ -597,4 +594,4 @@ class BagWriter:
 
 
 def _topic_entry(name: str, topic: _Topic, count: int) -> dict:
-    return {"name": topic.name or name, "type": topic.ros_type, "qos": topic.qos, "hash": topic.hash, "count": count}
+    return {"name": topic.name or name, "type": topic.ros_type, "offered": topic.offered, "hash": topic.hash, "count": count}

@@ -70,7 +70,7 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
     ``faults`` takes a sentence for each thing that makes a bag another recording than its run was.
     """
     from ..analysis import Source, gather, shifts_report
-    from ..bags import faults_of, is_loggers_file, read_measurement, rig_record, with_end
+    from ..bags import faults_of, is_loggers_file, read_measurement, rig_record, why_none, with_end
     from ..base import DEFAULT_RIG, RigError, no_file, quoted
     from ..rig import load_gearbox_rig, load_rig, transmission_of
 
@@ -105,8 +105,7 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
         found = read_measurement(run, profile, record, named_by, args.orders)
         if found is None:
             raise RigError(
-                f"{run}: its heads are no signals of {named_by or DEFAULT_RIG}; a profile, which --profile takes, is "
-                f"proposed by ./rig import {quoted(run)}"
+                f"{run}: {why_none(run, record)}; a profile, which --profile takes, is proposed by ./rig import {quoted(run)}"
             )
         print(f"{run}: inertias and instrument errors of {named_by or 'the exported run'}")
         for note in found.notes:

@@ -118,15 +118,17 @@ def _write_proposal(args: argparse.Namespace, target: Path, rig: str) -> list[st
 
 
 def _propose(args: argparse.Namespace, rig: str) -> int:
+    from ..bags import why_none
     from ..base import RigError, quoted
+    from ..rig import load_rig
 
     target = _proposal(args)
     if target.exists():
         raise RigError(f"{target}: is there already; use it with --profile {quoted(target)}, or remove it to have it made anew")
     unsure = _write_proposal(args, target, rig)
-    print(f"nothing is imported yet: its heads are not signals of rig '{rig}', so {target} holds a guess which they are")
+    print(f"nothing is imported yet: {why_none(args.file, load_rig(rig).as_dict())}; {target} holds a guess what its heads are")
     if unsure:
         shown = ", ".join(f"'{head}'" for head in unsure[:6])
         print(f"not determined: {shown}{' and more' if len(unsure) > 6 else ''}; they are comments in it")
-    print(f"look at it, then: ./rig import {quoted(args.file)} --profile {quoted(target)} --out runs/NAME")
+    print(f"look at it, then: ./rig import {quoted(args.file)} --profile {quoted(target)} --out {quoted(args.out or 'runs/NAME')}")
     return 0

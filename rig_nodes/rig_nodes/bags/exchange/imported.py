@@ -120,6 +120,16 @@ def own_profile(foreign: Foreign, record: Mapping) -> Profile | None:
     return Profile(time=main, date=date, columns=tuple(mapped), gear=gear) if mapped else None
 
 
+def why_none(path: str | Path, record: Mapping) -> str:
+    """Return why :func:`read_measurement` has returned None for a file, as words behind its name."""
+    heads = {one.name for one in read_foreign(path).channels}
+    needed = transmission_of(record).channels
+    lacking = [name for name in needed if name not in heads]
+    if len(lacking) == len(needed):
+        return f"its heads are not signals of rig '{record.get('name')}'"
+    return f"it has no head {', '.join(lacking)}, which a file without a profile needs for rig '{record.get('name')}'"
+
+
 def measure(foreign: Foreign, profile: Profile, record: Mapping, named_by: str, orders: str | None = None) -> Measurement:
     """Make a measurement of a file.
 
@@ -430,7 +440,8 @@ def _blocks(measurement: Measurement) -> list[tuple[int, str, tuple]]:
     """Return the rows as the logger's blocks; the stamp of a block is the exact time of its first row."""
     table = np.column_stack(list(measurement.channels.values()))
     begin = math.floor(measurement.t0 / measurement.period + 1e-6)
-    rows = min(ROWS, max(1, round(MOST_BLOCKS_IN / measurement.period)))
+    # a bag in which no time passes holds no run, so that the last row of a short recording is a block of its own
+    rows = max(1, min(ROWS, round(MOST_BLOCKS_IN / measurement.period), len(table) - 1))
     out = []
     for at in range(0, len(table), rows):
         part = table[at : at + rows]

@@ -15,7 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from ...bags import LIBRARY_OF_RUN, Bag, BagWriter, OpenedBags, class_of, files_of_run, read_metadata
+from ...bags import LIBRARY_OF_RUN, OFFERED, Bag, BagWriter, OpenedBags, files_of_run, offered_by, profiles_of_today, read_metadata
 from ...base import RigError
 from ...rig import Topic, catalogue, installed_topics
 from ...runs import FOLLOWING
@@ -81,14 +81,15 @@ def join_pieces(folder: Path) -> None:
         for piece in pieces:
             with OpenedBags([piece]) as bag:
                 end = bag.pieces[-1].end
-                classes = {topic: class_of(bag.channel(topic)[2]) for topic in bag.types}
+                offered = {topic: profiles_of_today(bag.channel(topic)[2].get(OFFERED, "")) for topic in bag.types}
+                latched = {topic for topic, profiles in offered.items() if offered_by(profiles).latched}
                 for time, (topic, data) in bag.timeline(bag.types):
                     # a latched message that was sent again to a later subscriber is already there
-                    if classes[topic] == "latched":
+                    if topic in latched:
                         if (topic, data) in sent:
                             continue
                         sent.add((topic, data))
-                    writer.write(topic, bag.types[topic], data, time, classes[topic])
+                    writer.write(topic, bag.types[topic], data, time, offered[topic])
         if end:
             writer.end(**end)
     for piece in pieces:
