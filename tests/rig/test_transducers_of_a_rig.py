@@ -176,11 +176,12 @@ def test_what_is_not_fitted_may_have_any_range():
 
 BOTH_WAYS = (
     "transducers: {n_wyj: {range: [-314.2 rad/s, 314.2 rad/s]}}\n"
-    'trips: {too_fast: {signal: n_wyj, above: [400 rpm, "assumed"], delay: [50 ms, "assumed"]}}\n'
+    'trips: {too_fast: {signal: n_wyj, above: [400 rpm, "assumed"], delay: [50 ms, "assumed"]},\n'
+    '  backwards: {signal: n_wyj, below: [-400 rpm, "assumed"], delay: [50 ms, "assumed"]}}\n'
 )
 
 
-def test_a_trip_of_a_speed_that_has_both_signs_counts_backwards_too(variant):
+def test_a_trip_of_a_speed_that_has_both_signs_watches_it_as_shown(variant):
     with Session(load_rig(variant(BACKWARDS + BOTH_WAYS))) as session:
         session.set("oil", "4 MPa")
         session.advance(0.3)
@@ -189,7 +190,8 @@ def test_a_trip_of_a_speed_that_has_both_signs_counts_backwards_too(variant):
         session.set("motor", "800 rpm")
         session.advance(1.5)
         assert session.read("n_wyj") < 0.0
-        assert session.reason.startswith("trip too_fast: the reading of n_wyj is 4"), session.reason
+        assert session.reason.startswith("trip backwards: the reading of n_wyj is -4"), session.reason
+        assert "below its limit of -400 rpm and for 50 ms not above -392 rpm again" in session.reason
 
 
 def test_a_temperature_below_zero_is_no_size(variant):

@@ -105,6 +105,11 @@ WRONG = {
     "a gear twice": ("  2: [clutch_2]", "  2: [brake_1]", "is held by the same clutches as 1"),
     "a clutch twice in a gear": ("  2: [clutch_2]", "  2: [clutch_2, clutch_2]", "names a clutch twice"),
     "a gear called neutral": ("  2: [clutch_2]", "  neutral: [clutch_2]", "is no name for the gear of number 2"),
+    "gears that are not in order": (
+        "  2: [clutch_2]\n  3: [clutch_3]",
+        "  2: [clutch_3]\n  3: [clutch_2]",
+        r"rig\.yaml:31: gears\.3 has the ratio 1\.6 and 2 before it 1; gears go from the slowest output up, so 3 stands before 2",
+    ),
     "gears that do not count up": ("  2: [clutch_2]", "  5: [clutch_2]", "'5' is no name for the gear of number 2"),
     "gears without an output": (
         "output: {body: output, speed: n_out, torque: M_out}\n",

@@ -4,6 +4,7 @@
 """Trips that a rig's file describes on what a transducer shows: they fire, are in the record, and are refused in a sentence."""
 
 import json
+import math
 
 import pytest
 
@@ -55,7 +56,9 @@ def test_its_limit_can_be_set_and_it_falls_away_with_its_transducer(tmp_path):
         ("  fast: {signal: n_wej, above: 700 rpm}", "must be [value with unit"),
         ("  fast: {signal: n_wej}", "needs one of above and below"),
         ('  fast: {signal: n_wej, above: [1 rpm, "a"], below: [1 rpm, "a"]}', "needs one of above and below"),
-        ('  fast: {signal: n_wej, above: [90000 rpm, "a"]}', "outside"),
+        ('  fast: {signal: n_wej, above: [90000 rpm, "a"]}', "trips.fast.above is 90000 rpm, outside 0 to 3600 rpm"),
+        ('  fast: {signal: M_wej, below: [-501 Nm, "a"]}', "trips.fast.below is -501 Nm, outside -500 to 500 Nm"),
+        ('  watched: {signal: n_wej, above: [1 rpm, "a"]}', "trips.watched: that is the name of the switch"),
         ('  fast: {signal: n_wej, above: [1 rpm, "a"], wait: 2}', "unknown key 'wait' in trips.fast"),
         ('  fast: {above: [1 rpm, "a"]}', "unknown key 'fast' in trips"),
         ("  fast: 3", "unknown key 'fast' in trips"),
@@ -68,6 +71,30 @@ def test_what_is_no_trip_is_refused_with_file_and_line(variant, text, sentence):
     with pytest.raises(RigError) as refused:
         load_rig(variant(text + "\n"))
     assert sentence in str(refused.value) and "rig.yaml:4: " in str(refused.value)
+
+
+def test_a_limit_below_zero_is_taken_and_set_within_what_the_transducer_shows(variant):
+    braked = '  braked: {signal: M_wej, below: [-20 Nm, "a"]}\n  pulled: {signal: M_wej, above: [-20 Nm, "a"]}\n'
+    rig = variant(braked + '  cold: {signal: T_oil, below: [-10 degC, "a"]}\n')
+    braked, pulled, cold = load_rig(rig, {"trips.braked.limit": "-30 Nm"}).trips[-3:]
+    assert (braked.limit, braked.clear, braked.quantity.magnitude) == (-30.0, pytest.approx(-29.4), False)
+    assert (pulled.warning, pulled.warning_over, pulled.clear) == pytest.approx((-22.0, -22.44, -20.4))
+    assert cold.limit == -10.0 and cold.sentence(-12.0, 1.0) == (
+        "trip cold: the reading of T_oil is -12 degC, below its limit of -10 degC, at 1.000 s"
+    )
+    for setting, sentence in (
+        ({"trips.braked.limit": "-501 Nm"}, "is -501 Nm, outside -500 to 500 Nm"),
+        ({"trips.cold.limit": "1000 degC"}, "is 1000 degC, outside "),
+    ):
+        with pytest.raises(RigError, match=sentence):
+            load_rig(rig, setting)
+
+
+def test_a_trip_of_a_magnitude_says_so():
+    trip = next(one for one in load_rig("hydmag").trips if one.name == "overspeed_w0")
+    assert trip.row()["criterion"] == "above, without its sign"
+    said = trip.sentence(2500.0 * math.pi / 30.0, 1.0)
+    assert "the speed of w0 is 2500 rpm without its sign at its highest, above its limit of " in said
 
 
 def test_trips_without_an_entry_are_none(variant):

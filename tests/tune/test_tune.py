@@ -5,12 +5,14 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import rig_nodes
 from rig_nodes.analysis.shift import shifts
+from rig_nodes.base.config import RIGS_DIR
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
 from rig_nodes.rig.alfa46 import read_alfa46
@@ -26,6 +28,7 @@ from rig_nodes.studies.tune.bench import RPM, Bench, Point, Shift
 from rig_nodes.studies.tune.problem import INVALID, REFUSED, Ground, Range, Task, dominates, excess, front_of, held, share, sought
 
 WAYS = ("I-II", "II-I")
+TEMPLATE = str(RIGS_DIR.parent / "rig" / "template" / "rig.yaml")
 BEGIN = read_beginnings("hydmag", load_rig("hydmag").transmission)
 
 
@@ -515,6 +518,26 @@ def test_what_is_wrong_is_said_before_anything_is_computed(capsys, tmp_path, mon
     assert "other holds another tuning (rig is not the same)" in capsys.readouterr().err
     with pytest.raises(AssertionError, match="processes are started"):
         main(["tune", "--out", str(tmp_path / "new"), "--bound", "dip=0 %"])
+
+
+@pytest.mark.parametrize(
+    "rig, said",
+    [
+        ("three_speed", "1-2: the search tries no P5.gap 500 ms, P6.gap 500 ms, {}P5.gap 350 ms, P6.gap 150 ms, or where"),
+        (TEMPLATE, "I-II: the search tries no P3.gap 1270 ms, P6.gap 200 ms, {}P3.gap 800 ms, P6.gap 150 ms, or where"),
+    ],
+)
+def test_a_search_whose_controller_is_outside_the_bounds_begins_at_the_nearest_inside_and_says_so(rig, said):
+    pytest.importorskip("cmaes")
+    config, way = load_rig(rig), said.partition(":")[0]
+    start, [note] = run.Problem.beginning(SimpleNamespace(config=config, begin={}), way)
+    assert note.startswith(said.format("which the controller has, and begins at ")) and space.refused(config, way, start) == 0.0
+    assert run.Problem.beginning(SimpleNamespace(config=config, begin={way: start}), way) == (start, [])
+    point = Point(way, 1200.0 * RPM, 60.0)
+    one = scout.Scout(f"scout {way}", way, config.alfa46, Task((config,), (point,), config.alfa46, ("peak", "time"), ()), start, 5)
+    with Workers(1) as workers:
+        scout.run(one, workers, lambda entries, cpu: None, lambda: one.generation >= 1)
+    assert one.best(1)[0] == space.inside(one.best(1)[0])
 
 
 def test_another_gearbox_has_ways_and_delays_of_its_own():

@@ -22,6 +22,6 @@ from .signal_catalogue import Catalogue as Catalogue, Offer as Offer, QOS as QOS
 from .signals import CONTROLLER_COMMAND as CONTROLLER_COMMAND, CONTROLLER_EVENTS as CONTROLLER_EVENTS, CONTROLLER_FAILED as CONTROLLER_FAILED, CONTROLLER_SILENT as CONTROLLER_SILENT, GEAR_WAS as GEAR_WAS, SHIFT_ORDERED as SHIFT_ORDERED, TORQUES as TORQUES, absolute_pressures as absolute_pressures, torque_signals as torque_signals
 from .structure import Device as Device, End as End, OwnPlot as OwnPlot, RATE as RATE, Structure as Structure, Transducer as Transducer, structure_of as structure_of
 from .transducer_types import TRANSDUCER_TYPES as TRANSDUCER_TYPES, measured_range as measured_range
-from .trip import GEAR as GEAR, HYSTERESIS as HYSTERESIS, MEASURED as MEASURED, SHIFTING as SHIFTING, STAYED as STAYED, Sum as Sum, Trip as Trip
+from .trip import GEAR as GEAR, MEASURED as MEASURED, SHIFTING as SHIFTING, STAYED as STAYED, Sum as Sum, Trip as Trip
 from .trips import TRIPS as TRIPS, WATCHED as WATCHED
 from .transmission import Clutch as Clutch, Inertias as Inertias, NEUTRAL as NEUTRAL, Shift as Shift, Transmission as Transmission, ranges_of as ranges_of, slip_of as slip_of, transmission_of as transmission_of

@@ -26,6 +26,7 @@ NEAR = 0.9  # assumed: share of a limit at which a warning is given
 TOO_HIGH, TOO_LOW, ABOVE_RANGE, THERE = 0, 1, 3, 31
 FIRST_SPN = 520_192  # of the suspect parameters that SAE J1939 leaves to a manufacturer, 520 192 to 524 287
 GEAR, SHIFTING = "gear", "shifting"  # what the controller reports
+_UNSIGNED = " without its sign"  # of a magnitude
 MEASURED, STAYED = "@", "="  # before the name of a transducer: what it shows, and for how many samples this has been the same
 
 
@@ -113,12 +114,17 @@ class Trip:
     @property
     def warning(self) -> float | None:
         """The value at which a warning is given [SI]; None for a trip of what is right or wrong and does not approach a limit."""
-        return NEAR * self.limit if self.fmi == TOO_HIGH else None
+        return _short_of(self.limit, 1.0 - NEAR) if self.fmi == TOO_HIGH else None
+
+    @property
+    def warning_over(self) -> float | None:
+        """The value at which a warning is over [SI]; None where there is none."""
+        return None if self.warning is None else _short_of(self.warning, HYSTERESIS)
 
     @property
     def clear(self) -> float:
         """The value at which the time of the criterion begins anew [SI]."""
-        return self.limit * (1.0 - HYSTERESIS if self.above else 1.0 + HYSTERESIS)
+        return _short_of(self.limit, HYSTERESIS if self.above else -HYSTERESIS)
 
     def written(self, value: float) -> str:
         """Return a value of its quantity [SI] as people read it."""
@@ -129,7 +135,7 @@ class Trip:
         """Return the reason of the trip by the value furthest past the limit [SI] and the time [s] at which it tripped."""
         way, back, furthest = ("above", "below", "highest") if self.above else ("below", "above", "lowest")
         passed = f"{way} its limit of {self.written(self.limit)}"
-        is_ = f"trip {self.name}: the {self.quantity.text} is {self.written(value)}"
+        is_ = f"trip {self.name}: {self._is(value)}"
         if not self.delay:
             return f"{is_}, {passed}, at {when:.3f} s"
         held = f"for {self.delay * 1e3:g} ms not {back} {self.written(self.clear)} again"
@@ -138,14 +144,17 @@ class Trip:
     def warns(self, value: float, when: float) -> str:
         """Return the sentence of the warning by the value [SI] and the time [s] at which it was passed."""
         near = f"near its limit of {self.written(self.limit)}, at {when:.3f} s"
-        return f"warning {self.name}: the {self.quantity.text} is {self.written(value)}, {near}"
+        return f"warning {self.name}: {self._is(value)}, {near}"
+
+    def _is(self, value: float) -> str:
+        return f"the {self.quantity.text} is {self.written(value)}{_UNSIGNED if self.quantity.magnitude else ''}"
 
     def row(self) -> dict[str, str]:
         """Return the row of the summary table."""
         warning = self.warning
         criteria = {
             "quantity": self.quantity.text,
-            "criterion": "above" if self.above else "below",
+            "criterion": f"{'above' if self.above else 'below'}{',' + _UNSIGNED if self.quantity.magnitude else ''}",
             "threshold": self.written(self.limit),
             "enabled while": " and ".join(dict.fromkeys(one.text for one in self.enabled)) or "always",
             "delay": f"{self.delay * 1e3:g} ms",
@@ -153,6 +162,11 @@ class Trip:
             "warning": "none" if warning is None else self.written(warning),
         }
         return summary_row(self.name, criteria, self.spn, self.fmi, self.source)
+
+
+def _short_of(value: float, share: float) -> float:
+    """Return a value less a share of its size: below 0 it is further from 0, as a limit is neared from below there too."""
+    return value * (1.0 - share if value >= 0.0 else 1.0 + share)
 
 
 def _shown(dimension: str) -> tuple[str, float]:

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from ..base import SWITCH, Map, RigError, brief, check_keys, quantity, unknown, where_of
+from ..base import SWITCH, Map, RigError, brief, check_keys, unknown, where_of
 from ..plant import ERRATIC, OPEN, SHORT, STUCK
 from ..plant import part as parts
 from .bench_trips import RULES
 from .driveline import bodies_shown
 from .settings import Setting
-from .structure import Device
-from .transducer_types import TRANSDUCER_TYPES
+from .structure import Device, Transducer
+from .transducer_types import TRANSDUCER_TYPES, measured_range
 from .trip import FIRST_SPN, GEAR, MEASURED, SHIFTING, TOO_HIGH, TOO_LOW, Condition, Sum, Trip
 from .trips_of_transducers import engaged, fitted, reading, trips_of_transducers
 
@@ -77,11 +77,13 @@ def trips_of(config: RigConfig) -> tuple[Trip, ...]:
 def trip_settings(config: RigConfig) -> list[Setting]:
     """Return the settings of a rig's trips: limit and delay of each, and whether they are watched at all."""
     out = [Setting(f"{TRIPS}.{WATCHED}", "Whether the trips are watched; off: the rig goes on until it breaks", SWITCH)]
+    known = {one.name: one for one in fitted(config)}
+    own = {one.name: _span(config, known[one.signal]) for one in config.own_trips if one.signal in known}
     for trip in _there(config):
         name = f"{TRIPS}.{trip.name}"
-        most = MOST_TIMES * trip.limit
+        low, high = own.get(trip.name, (0.0, MOST_TIMES * trip.limit))
         out += [
-            Setting(f"{name}.limit", f"Limit of the {trip.quantity.text}", trip.dimension, 0.0, most),
+            Setting(f"{name}.limit", f"Limit of the {trip.quantity.text}", trip.dimension, low, high),
             Setting(f"{name}.delay", f"Time for which {trip.name} must be past its limit", "time", 0.0, MOST_DELAY),
         ]
     return out
@@ -131,10 +133,14 @@ def _sourced(entry: object, setting: Setting, where: str) -> tuple[float, str]:
     """Return value [SI] and source of an entry."""
     if not (isinstance(entry, list) and len(entry) == 2 and isinstance(entry[1], str) and entry[1].strip()):
         raise RigError(f'{where} must be [value with unit, "its source"], found {brief(entry)}')
-    value = quantity(entry[0], setting.dimension, where)
-    if not setting.low <= value <= setting.high:
-        raise RigError(f"{where} is {entry[0]}, outside {setting.span()}")
-    return value, entry[1]
+    return float(setting.value_of(entry[0], where)), entry[1]
+
+
+def _span(config: RigConfig, one: Transducer) -> tuple[float, float]:
+    """Return what a transducer can show [SI]: a trip of its own beyond that could never fire."""
+    errors, full = config.instruments, f"{one.like}_range"
+    low, high = measured_range(one.type, one.low, getattr(errors, full), getattr(errors, f"{one.like}_class", 0.0))
+    return low + 0.0, high  # people read no -0
 
 
 def _own_trip(node: Map, path: str | Path, name: str, config: RigConfig) -> OwnTrip:
@@ -142,6 +148,8 @@ def _own_trip(node: Map, path: str | Path, name: str, config: RigConfig) -> OwnT
     one, line, what = node[name], where_of(path, node, name), f"{TRIPS}.{name}"
     if name in RULES:
         raise RigError(f"{line}: {what}: that is the name of a rule of the bench (rig list trips); name it otherwise")
+    if name == WATCHED:
+        raise RigError(f"{line}: {what}: that is the name of the switch that turns all trips off; name it otherwise")
     if not str(name).isidentifier():
         raise RigError(f"{line}: {what}: the name of a trip has letters, digits and _ only, found {brief(name)}")
     check_keys(path, one, ("signal", "above", "below", "delay"), ("signal",), what, line)
@@ -152,8 +160,7 @@ def _own_trip(node: Map, path: str | Path, name: str, config: RigConfig) -> OwnT
     if ("above" in one) == ("below" in one):
         raise RigError(f"{line}: {what} needs one of above and below, with its limit")
     signal = known[one["signal"]]
-    full = getattr(config.instruments, f"{signal.like}_range")
-    limits = Setting("limit", "", TRANSDUCER_TYPES[signal.type].dimension, 1e-6 * full, full)
+    limits = Setting("limit", "", TRANSDUCER_TYPES[signal.type].dimension, *_span(config, signal))
     limit, source = _sourced(one[side], limits, f"{where_of(path, one, side)}: {what}.{side}")
     delay = 0.0
     if "delay" in one:

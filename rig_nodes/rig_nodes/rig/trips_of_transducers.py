@@ -35,10 +35,14 @@ def engaged(number: int, name: str) -> tuple[Condition, Condition]:
     return is_in, Condition(Sum("gear", ((GEAR, 1.0),)), False, number + 0.25, is_in.text)
 
 
-def reading(one: Transducer) -> Sum:
-    """Return what a transducer shows; without the way in which it acts or turns, which a temperature below 0 has not."""
-    both = measures_both_signs(one.type, one.low) and one.type != "temperature"
-    return Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), both)
+def reading(one: Transducer, magnitude: bool = False) -> Sum:
+    """Return what a transducer shows, with its sign or as a magnitude."""
+    return Sum(f"reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), magnitude)
+
+
+def _either_way(one: Transducer) -> Sum:
+    """What a transducer shows, without the way in which it acts or turns, which a temperature below 0 has not."""
+    return reading(one, measures_both_signs(one.type, one.low) and one.type != "temperature")
 
 
 def fitted(config: RigConfig) -> list[Transducer]:
@@ -55,11 +59,11 @@ def trips_of_transducers(config: RigConfig) -> Iterator[Trip]:
     structure = config.structure
     if not structure.shifts or structure.input is None:
         return
-    turns = Condition(reading(every[structure.input.speed]), True, 5.0, f"{structure.input.speed} shows that the input turns")
+    turns = Condition(_either_way(every[structure.input.speed]), True, 5.0, f"{structure.input.speed} shows that the input turns")
     for one in shown.values():
         if one.type == "temperature" and config.effects.transducers:
             source = "assumed: what an open wire shows; oil that warms passes it sooner"
-            yield Trip(f"dead_{one.name}", _size(one), "temperature", 0.01, source, LOST, LONGEST, False, (turns,))
+            yield Trip(f"dead_{one.name}", reading(one, True), "temperature", 0.01, source, LOST, LONGEST, False, (turns,))
     if not config.prescribed:
         for clutch in config.transmission.clutches:
             if {clutch.pressure, clutch.current} <= every.keys():
@@ -69,26 +73,22 @@ def trips_of_transducers(config: RigConfig) -> Iterator[Trip]:
         yield from _torques(config, *(every[name] for name in ends), there=set(ends) <= shown.keys())
 
 
-def _size(one: Transducer) -> Sum:
-    return Sum(f"size of the reading of {one.name}", ((f"{MEASURED}{one.name}", 1.0),), True)
-
-
 def _one_alone(config: RigConfig, one: Transducer, there: bool) -> Iterator[Trip]:
     """A transducer that shows the end of its range, nothing, or always the same; ``there``: it is fitted."""
     full, dimension = getattr(config.instruments, f"{one.like}_range"), TRANSDUCER_TYPES[one.type].dimension
     if one.type != "ratio":  # a lever or a throttle may stand at its end
         source = "assumed: the end of its full scale, which no healthy value reaches for so long"
-        yield Trip(f"out_of_range_{one.name}", reading(one), dimension, AT_END * full, source, ABOVE_RANGE, 0.1, there=there)
+        yield Trip(f"out_of_range_{one.name}", _either_way(one), dimension, AT_END * full, source, ABOVE_RANGE, 0.1, there=there)
     limit = _rests(config, one, full)
     there = there and limit <= LONGEST and config.effects.transducers
     rests = Sum(f"time for which the reading of {one.name} has been the same", ((f"{STAYED}{one.name}", SAMPLE),))
     nothing = 1e-6 * full
     source = f"its noise and the converter's step: by chance a healthy one rests so long once in {1.0 / BY_CHANCE:.0e} times"
-    at_nothing = Condition(_size(one), False, nothing, "it shows 0")
+    at_nothing = Condition(reading(one, True), False, nothing, "it shows 0")
     dead = there and not _counts(config, one)  # one that counts pulses shows 0 at rest, without noise
     yield Trip(f"dead_{one.name}", rests, "time", limit, source, LOST, 0.0, True, (at_nothing,), there=dead)
     neither = "it shows neither 0 nor its end"
-    within = (Condition(_size(one), True, nothing, neither), Condition(_size(one), False, AT_END * full, neither))
+    within = (Condition(reading(one, True), True, nothing, neither), Condition(reading(one, True), False, AT_END * full, neither))
     yield Trip(f"stuck_{one.name}", rests, "time", limit, source, ERRATIC, 0.0, True, within, there=there)
 
 
@@ -106,9 +106,9 @@ def _joined(config: RigConfig, shown: Mapping[str, Transducer]) -> Iterator[Trip
             reached.update(each for pair in joins if reached.intersection(pair) for each in pair)
         others = [each for there, each in turning.items() if there in reached and each is not one]
         if others and _counts(config, one):
-            turns = Condition(reading(others[0]), True, 5.0, f"{others[0].name} shows that it turns")
+            turns = Condition(_either_way(others[0]), True, 5.0, f"{others[0].name} shows that it turns")
             limit, source = 0.5 * getattr(config.instruments, f"{one.like}_step"), "half of the encoder's step: no pulse at all"
-            yield Trip(f"dead_{one.name}", _size(one), "angular velocity", limit, source, LOST, 0.2, False, (turns,))
+            yield Trip(f"dead_{one.name}", reading(one, True), "angular velocity", limit, source, LOST, 0.2, False, (turns,))
 
 
 def _rests(config: RigConfig, one: Transducer, full: float) -> float:
@@ -139,10 +139,10 @@ def _pressure(
     enough = (0.75 * most / valve.pressure_gain + valve.cracking_current) / (1.0 - valve.hysteresis)
     orders = f"{current.name} orders three quarters of the highest pressure"
     ordered = (
-        Condition(reading(current), True, enough, orders),
-        *(Condition(reading(each), True, 0.75 * most, f"{each.name} has them") for each in supplies),
+        Condition(_either_way(current), True, enough, orders),
+        *(Condition(_either_way(each), True, 0.75 * most, f"{each.name} has them") for each in supplies),
     )
-    idle = (Condition(reading(current), False, valve.cracking_current, f"{current.name} orders none"),)
+    idle = (Condition(_either_way(current), False, valve.cracking_current, f"{current.name} orders none"),)
     share = f"of the highest pressure of {clutch.valve_name}"
     for what, limit, above, enabled, source in (
         ("low", 0.5 * most, False, ordered, f"assumed: half {share}"),
@@ -150,7 +150,7 @@ def _pressure(
         ("most", 1.25 * most + wrong, True, (), f"assumed: a quarter more than all {share}, and the class of {one.name}"),
     ):
         name = f"contradicts_{one.name}_{what}"
-        yield Trip(name, reading(one), "pressure", limit, source, ERRATIC, 1.0, above, enabled, there=there)
+        yield Trip(name, _either_way(one), "pressure", limit, source, ERRATIC, 1.0, above, enabled, there=there)
 
 
 def _torques(config: RigConfig, into: Transducer, out: Transducer, there: bool) -> Iterator[Trip]:

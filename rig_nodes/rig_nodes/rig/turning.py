@@ -1,12 +1,16 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks that a rig's driveline can turn and that each gear gives the output one speed; rig.configuration uses them."""
+"""Checks that a rig's driveline can turn, that each gear gives the output one speed, and that the gears are in order.
+
+rig.configuration uses them.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ..base import Map, RigError, where_of
@@ -16,12 +20,11 @@ from .read_elements import GROUPS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from ..driveline import System
     from .structure import Structure
 
 
 def check_driveline(structure: Structure, sections: Mapping, node: Map, path: str | Path) -> None:
-    """Refuse a driveline that cannot turn, or a gear that holds nothing or everything.
+    """Refuse a driveline that cannot turn, a gear that holds nothing or everything, and gears that are not in order.
 
     Parameters
     ----------
@@ -37,7 +40,7 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path: st
     Raises
     ------
     RigError
-        With file and line, when the driveline or a gear is refused.
+        With file and line, when the driveline, a gear or the order of the gears is refused.
     """
     inertias = inertias_of(structure, sections)
     try:
@@ -46,6 +49,7 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path: st
         system = build_driveline(structure, inertias, sections, lossless=True)
     except RigError as error:
         raise RigError(f"{_where_named(str(error), node, path)}: {str(error).removeprefix('driveline: ')}") from None
+    ratios: dict[object, float] = {}
     for gear, key in zip(structure.gears, node.get("gears") or ()):
         try:
             lets_go = overrunning(system, gear, structure.input.body, structure.output.body)
@@ -54,18 +58,31 @@ def check_driveline(structure: Structure, sections: Mapping, node: Map, path: st
                 f"{where_of(path, node['gears'], key)}: gears.{gear.name}: {', '.join(gear.held)} held alone: {error}; "
                 "a gear's clutches give the output one speed"
             ) from None
-        _check_direction(system, gear.held, structure, node, path, str(gear.name))
+        ratio = held_ratio(system, gear.held, structure.input.body, structure.output.body)
+        if ratio < 0.0:
+            _check_direction(structure, node, path, gear.name)
+        ratios[key] = ratio
         if lets_go:
             raise RigError(
                 f"{where_of(path, node['parts'][lets_go[0]], 'joins')}: parts.{lets_go[0]}.joins: it overruns as the input "
                 f"drives in gear {gear.name}, which it is to hold; name its two bodies the other way round"
             )
+    _check_order(ratios, node, path)
 
 
-def _check_direction(system: System, held: tuple[str, ...], structure: Structure, node: Map, path: str | Path, gear: str) -> None:
+def _check_order(ratios: Mapping[object, float], node: Map, path: str | Path) -> None:
+    """Refuse forward gears by their ratios that are not from the slowest output up: a shift to the next gear counts as one up."""
+    forward = [pair for pair in ratios.items() if pair[1] > 0.0]
+    for (before, slow), (key, ratio) in pairwise(forward):
+        if ratio > slow * (1.0 + 1e-9):  # two ways through the wheels to one ratio differ by rounding
+            raise RigError(
+                f"{where_of(path, node['gears'], key)}: gears.{key} has the ratio {ratio:.5g} and {before} before it {slow:.5g}; "
+                f"gears go from the slowest output up, so {key} stands before {before}"
+            )
+
+
+def _check_direction(structure: Structure, node: Map, path: str | Path, gear: str) -> None:
     """Refuse transducers of the output that begin at zero where a gear turns it backwards."""
-    if held_ratio(system, held, structure.input.body, structure.output.body) > 0.0:
-        return
     for one in structure.transducers:
         if one.name in (structure.output.speed, structure.output.torque) and one.low >= 0.0:
             raise RigError(

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..base import SAMPLE, Floats, RigError
 from ..plant import ALL, BOTH_INSIDE, BOTH_SHOWN, FIRST_STAY, INSIDE, ONE_SHOWN, OTHER, REPORTED, RESTING, SHOWN, TRIP, Watch, World
-from ..rig import GEAR, HYSTERESIS, MEASURED, SHIFTING, STAYED, Sum, Trip
+from ..rig import GEAR, MEASURED, SHIFTING, STAYED, Sum, Trip
 
 _SAID = {GEAR: -1, SHIFTING: -2}  # places of what the controller reports
 _Terms = tuple[tuple[int, float], ...]
@@ -60,7 +60,7 @@ class Watched:
             one["limit"], one["clear"] = way * trip.limit, way * trip.clear
             one["near"] = one["near_clear"] = math.inf
             if trip.warning is not None:
-                one["near"], one["near_clear"] = trip.warning, trip.warning * (1.0 - HYSTERESIS)
+                one["near"], one["near_clear"] = trip.warning, trip.warning_over
             one["rises"], one["begin"] = trip.rises, len(conditions)
             # those that many trips have come first: one sum that is looked at then rules out many
             for each, (key, sign) in sorted(zip(trip.enabled, signed), key=lambda pair: -often[pair[1][0]]):

@@ -28,7 +28,7 @@ from . import folder as files
 from . import judge, scout, search
 from .bench import Bench, Point, Shift
 from .problem import Range, Task, held
-from .space import settings, values_of
+from .space import inside, settings, values_of
 from .uncertainty import misses_now, sampled_rigs
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class Problem:
     calibration : Calibration
         Its calibration, without stages for a rig that was never calibrated.
     begin : dict of str to dict of str to int
-        Settings at which the search for a way begins, by way; without them, those of the controller.
+        Settings at which the search for a way begins, by way; without them, those nearest to the controller's that it tries.
     ranges : dict of str to Range
         Operating range of each way.
     objectives : tuple of str
@@ -106,6 +106,17 @@ class Problem:
     seed: int
     generations: int | None
     shifts: int
+
+    def beginning(self, way: str) -> tuple[dict[str, int], list[str]]:
+        """Return the settings at which the search for a way begins, and a note where they are not those that the rig has."""
+        if way in self.begin:
+            return self.begin[way], []
+        own = values_of(self.config.alfa46, way, self.config.transmission)
+        nearest = inside(own)
+        units = {name: "mA" if name.endswith("current") else "ms" for name in own if own[name] != nearest[name]}
+        there, tried = (", ".join(f"{name} {of[name]} {unit}" for name, unit in units.items()) for of in (own, nearest))
+        why = f"{way}: the search tries no {there}, which the controller has, and begins at {tried}"
+        return nearest, [f"{why}, or where tuning.yaml in the rig's folder says"] if units else []
 
     @cached_property
     def _misses(self) -> dict[str, float]:
@@ -243,7 +254,7 @@ def run_tuning(
     points: dict[str, list[Point]] = {}
     for way, where in problem.ranges.items():
         points[way], lowered = held(problem.config, where.grid(way))
-        notes += lowered
+        notes += lowered + problem.beginning(way)[1]
         shifts = _compared(points[way], problem.config.alfa46, problem.config)
         notes += [
             f"{point.text()} with the settings that are there: {shift.why}"
@@ -311,7 +322,7 @@ def _study(
     base = values_of(config.alfa46, way, config.transmission)
     if name.startswith(SCOUT):
         task = problem.task(points[SCOUT_POINTS], rigs)
-        return scout.Scout(name, way, config.alfa46, task, problem.begin.get(way, base), seed, known)
+        return scout.Scout(name, way, config.alfa46, task, problem.beginning(way)[0], seed, known)
     if name == LEAST:
         points, _ = held(config, problem.ranges[way].heaviest(way))
         points = [point for point in points if point.output_torque == max(other.output_torque for other in points)]

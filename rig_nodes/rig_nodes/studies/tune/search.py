@@ -21,7 +21,7 @@ from ...base import optional
 from ...rig import Alfa46Config, RigConfig
 from ...runs import Workers
 from .problem import INVALID, REFUSED, Ground, Task, dominates, excess, front_of, hardest_first, sought
-from .space import BOUNDS, refused, settings
+from .space import BOUNDS, inside, refused, settings
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -182,12 +182,9 @@ def first_settings(study: Study) -> list[dict[str, int]]:
     while len(out) < POPULATION:
         around = study.start[len(out) % len(study.start)]
         out.append(
-            {
-                name: min(max(around[name] + round(draw.gauss(0.0, SEEDS_NEARBY) * (high - low)), low), high)
-                for name, (low, high) in BOUNDS.items()
-            }
+            {name: around[name] + round(draw.gauss(0.0, SEEDS_NEARBY) * (high - low)) for name, (low, high) in BOUNDS.items()}
         )
-    return [{name: min(max(values[name], low), high) for name, (low, high) in BOUNDS.items()} for values in out]
+    return [inside(values) for values in out]
 
 
 def evaluate(

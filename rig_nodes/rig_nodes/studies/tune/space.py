@@ -151,6 +151,11 @@ def values_of(config: Alfa46Config, way: str, transmission: Transmission) -> dic
     return {name: int(round(float(value))) for name, value in zip(BOUNDS, found)}
 
 
+def inside(values: dict[str, int]) -> dict[str, int]:
+    """Return the settings with each that is outside its BOUNDS at the nearest value inside."""
+    return {name: min(max(values[name], low), high) for name, (low, high) in BOUNDS.items()}
+
+
 def settings(base: Alfa46Config, way: str, values: dict[str, int], transmission: Transmission) -> Alfa46Config:
     """Return a base with the numbers of one shift put in.
 
