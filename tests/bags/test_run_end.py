@@ -18,6 +18,8 @@ from rig_nodes.bags.writer import LIBRARY, LIBRARY_OF_RUN, BagWriter, Layout
 from rig_nodes.cli.main import main
 from rig_nodes.rig.configuration import load_rig
 
+from ..dated import DATE
+
 SAMPLE = Path(__file__).parents[2] / "bags" / "sample"
 LOGGER = "/instruments/hmg4000"
 END = {"state": "ended", "reason": "the sequence ended"}
@@ -118,6 +120,14 @@ def test_the_end_that_a_bag_records_is_that_of_its_report(half, sample, rewritte
     assert "; failed: alfa46 killed by signal 9 (SIGKILL)" in rig(capfd, "bag", "info", folder)[1]
     code, out, _ = rig(capfd, "report", folder)
     assert code == 0 and "end: alfa46 killed by signal 9 (SIGKILL)" in out
+
+
+def test_of_a_bag_whose_log_times_are_dates_the_time_of_the_run_is_told(sample, rewritten, capfd):
+    rows = [(DATE + time, topic, data) for time, topic, data in sample.timeline()]
+    dated = rewritten("dated", rows[: len(rows) // 2], "libmcap 1.3.1", None)
+    for verb in (["bag", "check"], ["report"]):
+        code, _, err = rig(capfd, *verb, dated)
+        assert code == 3 and CUT_OFF in err, err
 
 
 @pytest.mark.parametrize("library", [LIBRARY, "python mcap 1.6.0"])

@@ -14,12 +14,15 @@ import pytest
 from laboratory import SAMPLE
 from small import measured, table
 
+from rig_nodes import api
 from rig_nodes.analysis.metrics import metric_keys
 from rig_nodes.bags.exchange import groups
 from rig_nodes.bags.exchange.groups import Signals, on_one_clock, on_own_clocks
 from rig_nodes.bags.reader import Bag
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
+
+from ..dated import with_dates
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +112,19 @@ def test_a_chosen_clock_gives_full_rows_in_the_units_of_people(folder, bag):
     rows = bag.logger()
     assert np.allclose(np.diff(table["t_[s]"]), 5e-3)
     assert np.allclose(table["p1_[MPa]"], rows.channels["p1"][::50][: len(table)] * 1e-6)
+
+
+def test_of_a_bag_whose_log_times_are_dates_time_counts_from_its_begin(bag, tmp_path):
+    dated, told = with_dates(SAMPLE, tmp_path / "dated.mcap"), []
+    for kind in ("csv", "mat", "mf4", "blf"):
+        api.exported(dated, tmp_path / f"dated.{kind}", watch=lambda of: lambda done, text: told.append((of, done, text)))
+    length = bag.last / 1e9
+    whole = length, length, f"read up to {length:.0f} of {length:.0f} s"
+    assert told == [whole, whole, whole, (None, length, f"read up to {length:.0f} s")]
+    from asammdf import MDF
+
+    with MDF(tmp_path / "dated.mf4") as file:
+        assert file.header.start_time.timestamp() == pytest.approx(dated.stat().st_mtime - length, abs=1.0)
 
 
 @pytest.mark.parametrize("clock", [None, 7_000_000])

@@ -13,9 +13,11 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
+import rclpy
 from builtin_interfaces.msg import Duration, Time
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -122,7 +124,7 @@ def check_once_and_in_order(domain, folder, path, rate, **options):
     return output
 
 
-@pytest.mark.parametrize("rate", [pytest.param(1, marks=pytest.mark.campaign), 10, "max"])
+@pytest.mark.parametrize("rate", [*(pytest.param(rate, marks=pytest.mark.campaign) for rate in (1, 10)), "max"])
 def test_another_process_gets_the_whole_bag_in_order(domain, tmp_path, rate):
     check_once_and_in_order(domain, tmp_path, SAMPLE, rate)
 
@@ -205,7 +207,7 @@ def test_a_foreign_bag_from_its_middle_with_its_latched_topic_and_a_sentence_for
     assert about[0].data == "what this is" and not chatter
     user.call(Resume, "/rig_replay/resume")
     user.until(lambda: len(chatter) == 10, "the second half")
-    output = replay.end()
+    output = replay.end(3)
     assert [int(message.data) for message in chatter] == list(range(10, 20))
     stamps = [message.clock.sec * 1000 + message.clock.nanosec // 10**6 - 10**12 for message in clock]
     assert stamps == sorted(stamps) and stamps[0] == 100 and 180 <= stamps[-1] <= 190
@@ -216,6 +218,44 @@ def test_a_foreign_bag_from_its_middle_with_its_latched_topic_and_a_sentence_for
         ("/web", "encoded as json"),
     ]:
         assert re.search(rf"^rig: {topic}: 2 messages are left out: .*{why}", output, re.M), output
+
+
+def test_a_recorded_clock_is_not_lost_when_the_replay_has_its_own(domain, foreign):
+    assert "/clock: 2 messages are left out" in Replay(domain, foreign, "--topics", "/chatter,/clock", "--rate", "max").end()
+
+
+MANY = 5600  # 5000 fill the queue of a receiver that keeps all, and the others are taken slower than a receiver is waited for
+
+
+@pytest.mark.parametrize("deaf", [False, True])
+def test_a_slow_receiver_holds_it_up_whatever_another_one_does_which_is_given_up(domain, user, tmp_path, deaf):
+    with open(tmp_path / "many.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", installed("std_msgs/msg/String").text.encode())
+        channels = [writer.register_channel(topic, "cdr", schema) for topic in ("/deaf", "/slow")]
+        for number in range(MANY):
+            for channel in channels:
+                writer.add_message(channel, number, cdr.encode_any("std_msgs/msg/String", {"data": f"{number}"}), number)
+        writer.finish()
+    everything, received = QoSProfile(depth=1, history=HistoryPolicy.KEEP_ALL), []
+
+    def take(message):
+        received.append(int(message.data))
+        if len(received) < MANY - 5000 + 100:
+            time.sleep(0.01)
+
+    user.node.create_subscription(String, "/slow", take, everything)
+    other = rclpy.create_node("deaf", context=user.context)  # no executor takes its messages
+    if deaf:
+        other.create_subscription(String, "/deaf", print, everything)
+    replay = Replay(domain, tmp_path / "many.mcap", "--rate", "max", "--wait", 1 + deaf)
+    user.until(lambda: len(received) == MANY, "all messages")
+    output = replay.end(3 if deaf else 0)
+    other.destroy_node()
+    assert received == list(range(MANY))
+    given_up = re.findall(r"^a receiver of (\S+) took too little in 5 s: it is given up", output, re.M)
+    assert given_up == ["/deaf"] * deaf
 
 
 def stamps_ms(samples):

@@ -22,6 +22,8 @@ from rig_nodes.runs.rerun import different_topics
 from rig_nodes.runs.sequence import load_sequence
 from rig_nodes.runs.simulation import simulate
 
+from ..dated import with_dates
+
 SHIFTS = """
 description: a shift up, with a setting and a setpoint changed on the way
 steps:
@@ -109,6 +111,15 @@ def test_through_a_controller_of_other_settings_the_first_other_answer_is_told(r
     arguments = ["rerun", str(recorded), "--through", "controller", "alfa46", "--out", str(tmp_path / "again")]
     assert main([*arguments, "--set", "alfa46.gain_p=20 ohm"]) == 0
     assert "the first other answer is that at 0." in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("through", [["plant"], ["controller", "alfa46"]])
+def test_a_bag_whose_log_times_are_dates_is_run_again_in_the_time_of_the_run(recorded, tmp_path, through):
+    dated = with_dates(recorded, tmp_path / "run.mcap")
+    assert main(["rerun", str(dated), "--out", str(tmp_path / "again"), "--through", *through]) == 0
+    assert Bag(tmp_path / "again").last == Bag(recorded).last
+    assert different_topics(gather(recorded), gather(tmp_path / "again")) == []
+    assert different_topics(gather(dated), gather(tmp_path / "again")) == []
 
 
 @pytest.mark.parametrize(

@@ -396,6 +396,11 @@ class Gathered:
         return self._small.begin_by(self._numbers)
 
     @property
+    def recorded_to(self) -> int:
+        """Time of the run [ns] at which the recording ends, as in Bag."""
+        return self._small.end_by(self._numbers, self.last)
+
+    @property
     def record(self) -> Mapping:
         """The rig's structure and values."""
         return self._small.record

@@ -96,7 +96,7 @@ def exported(
             f"{target}: a period is for csv and parquet, which hold one table; {kind} holds each signal with its own times"
         )
     found = Signals(run, list(signals), units)
-    progress = watch(found.last / 1e9) if watch else None
+    progress = watch(found.length / 1e9) if watch else None
     export(kind, Order(found, target, None if seconds is None else round(seconds * 1e9), progress))
     return Exported(target, sum(len(group.columns) for group in found.groups), found.left_out, found.cut_off)
 

@@ -46,5 +46,5 @@ def page_of(bag: Gathered, report: dict, warnings: Sequence[str] = ()) -> str:
     with OpenedBags([path]) as opened:
         source = [("bag", bag.path.name), ("hash by rig bag hash", content_hash(opened)[0]["all"])]
     facts = Facts(source, True, settings, note, changes, list(warnings))
-    pages, span = Pages(record), (0.0, bag.last / 1e9)
+    pages, span = Pages(record), (0.0, bag.recorded_to / 1e9)
     return report_page(report, facts, figures_of_shifts(path, report, pages, span), figures_of_run(report, pages, path, span))

@@ -180,6 +180,9 @@ class Messages:
         else:
             order = np.arange(len(stream.times))
             seqs, stamps = order + before, np.array(stream.times, dtype=np.int64)
+            if not self._own:  # its log times may be dates
+                with suppress(BagError):
+                    stamps = stamps_of(self._heads(stream))
         for i in order.tolist():
             data = stream.payloads[i]
             if definition is not None:

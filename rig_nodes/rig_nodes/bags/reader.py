@@ -367,12 +367,13 @@ class Bag(Messages):
 
     @cached_property
     def recorded_from(self) -> float:
-        """Time of the run [s] at which the recording begins; 0 for every bag of the project's own recorder.
-
-        Other recorders may start late and split a bag into pieces. For their bags it is the first stamp of the rig's own messages,
-        without the latched ones, which are sent again to every new subscriber.
-        """
+        """Time of the run [s] at which the recording begins: 0 for the project's own recorder, for others the first stamp."""
         return self.begin_by(self._numbers)
+
+    @property
+    def recorded_to(self) -> int:
+        """Time of the run [ns] at which the recording ends; of other recorders, whose log times may be dates, the latest stamp."""
+        return self.end_by(self._numbers, self.last)
 
     def disorder(self) -> list[str]:
         """Return a sentence for each topic of the rig whose messages are there twice or not in the order of sending."""
@@ -398,10 +399,18 @@ class Bag(Messages):
         """Return :attr:`recorded_from` by the first stamps of all pieces of the bag, of which this may be one."""
         if self._own:
             return 0.0
+        return max(0.0, float(min(self._measured(numbers.firsts), default=0)) / 1e9)
+
+    def end_by(self, numbers: Numbers, last: int) -> int:
+        """Return :attr:`recorded_to` by the stamps and the last log time of all pieces of the bag, of which this may be one."""
+        return last if self._own else max(self._measured(numbers.lasts), default=last)
+
+    def _measured(self, stamps: dict[str, int]) -> list[int]:
+        """Return the stamps of the rig's own measurements; of all topics where there is none."""
         known = self._known.all_topics if self._known else installed_topics()
-        # users' messages may have no stamp, and latched messages carry the stamp of the run's start
-        measured = [first for topic, first in numbers.firsts.items() if topic in known and known[topic].qos == "measurement"]
-        return max(0.0, float(min(measured or numbers.firsts.values(), default=0)) / 1e9)
+        # users' messages may have no stamp; latched ones carry that of the run's start and are sent again to new subscribers
+        measured = [stamp for topic, stamp in stamps.items() if topic in known and known[topic].qos == "measurement"]
+        return measured or list(stamps.values())
 
     def counted(self) -> list[str]:
         """Return the topics with counted messages."""

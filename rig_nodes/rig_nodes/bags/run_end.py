@@ -141,4 +141,4 @@ def cut_off(bag: Bag) -> str:
     elif not bag.began:
         return ""
     why = f"; the rig's last state: {found.reason}" if found else ""
-    return f"the run was cut off at {bag.last / 1e9:.3f} s: the bag holds no record of its end{why}"
+    return f"the run was cut off at {bag.recorded_to / 1e9:.3f} s: the bag holds no record of its end{why}"

@@ -24,7 +24,7 @@ LIFE_BITS = 32  # low bits count messages; the bits above count earlier starts o
 
 
 class Numbers:
-    """Sequence numbers and first stamps of the topics of a bag, gathered piece by piece.
+    """Sequence numbers, first and last stamps of the topics of a bag, gathered piece by piece.
 
     Numbers that follow each other are kept as one span, so that a long bag takes no more memory than a short one.
 
@@ -32,12 +32,15 @@ class Numbers:
     ----------
     firsts : dict of str to int
         First stamp of each topic with counted messages [ns].
+    lasts : dict of str to int
+        Its latest stamp [ns].
     refused : dict of str to BagError
         Why the numbers of a topic cannot be read; of such a topic neither gaps nor disorder are known.
     """
 
     def __init__(self) -> None:
         self.firsts: dict[str, int] = {}
+        self.lasts: dict[str, int] = {}
         self.refused: dict[str, BagError] = {}
         self._spans: dict[str, list[np.ndarray]] = {}  # rows (first number, number after the last one)
         self._totals, self._back = Counter[str](), Counter[str]()  # messages, and those behind a later one
@@ -58,6 +61,7 @@ class Numbers:
             if len(spans):
                 known.append(spans)
             self.firsts[topic] = min(self.firsts.get(topic, limits.LAST), int(stamps.min()))
+            self.lasts[topic] = max(self.lasts.get(topic, 0), int(stamps.max()))
             back = np.count_nonzero(seqs[1:] < seqs[:-1]) + (int(seqs[0]) < self._newest.get(topic, 0))
             self._totals[topic] += len(seqs)
             self._back[topic] += int(back)

@@ -85,7 +85,7 @@ def node() -> int:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Check, replay and print what was sent; return 0 at the end and after q, 3 for a damaged bag, 130 after Ctrl-C."""
+    """Check, replay and print what was sent; return 0 at the end and after q, 3 when something is lost, 130 after Ctrl-C."""
     from ..bags import OpenedBags
 
     with OpenedBags(args.bags) as bag:
@@ -115,15 +115,16 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
             del os.environ[name]
         os.environ.update(wanted)
         # ROS reads the environment above when it is loaded or started.
-        from ..nodes import ReplaySession, latched, obstacle, offered, read_overrides
+        from ..nodes import CLOCK_TOPIC, ReplaySession, latched, obstacle, offered, read_overrides
 
         profiles = {} if args.qos is None else read_overrides(args.qos)
         if others := [topic for topic in profiles if topic not in bag.types]:
             _warn(f"{args.qos}: names topics that are not in the bag: {', '.join(others)}")
-        sound = []
+        sound, lost = [], False
         for topic in topics:
             if why := obstacle(bag, topic):
                 _warn(f"{topic}: {bag.counts[topic]} messages are left out: {why}")
+                lost |= bag.counts[topic] > 0 and topic != CLOCK_TOPIC  # the replay's own clock stands for the recorded one
             else:
                 sound.append(topic)
                 if problem := offered_by(bag.channel(topic)[2].get("offered_qos_profiles", "")).problem:
@@ -154,7 +155,7 @@ def _replay(bag: OpenedBags, args: argparse.Namespace) -> int:
     _tell(outcome, player)
     if outcome.ended_by:
         return 128 + outcome.ended_by
-    return LOST if bag.damage else 0
+    return LOST if bag.damage or lost or outcome.given_up else 0
 
 
 def _chosen(bag: OpenedBags, args: argparse.Namespace) -> tuple[int, int, list[str]]:

@@ -41,11 +41,15 @@ from .ros_arguments import set_parameters
 
 NAME = "rig_replay"
 CLOCK_TOPIC = "/clock"
-HISTORY = 10_000  # messages of a topic that may be unconfirmed: one second of the fastest topic at ten times real time
+HISTORY = 10_000  # messages of a latched topic that late receivers get
+# Messages of a topic that may be unconfirmed. DDS tells only whether all are confirmed, so that this many have to be taken within
+# PATIENCE before progress is seen; and the 100 ms between two heartbeats of the fastest topic are to fit.
+WINDOW = 128
 OPEN_BYTES = 64_000_000  # bytes of a topic that may be unconfirmed, for large messages
-PATIENCE, GRACE = 5.0, 0.5  # s that receivers may take to confirm; the same after Ctrl-C
-LEASE = 20.0  # s for which DDS keeps a receiver that was killed
+PATIENCE, GRACE = 5.0, 0.5  # s without progress after which a receiver is given up; s for which it is waited for after Ctrl-C
+HELD = 1.0  # s without progress after which nothing more is sent of the topic, so that the next progress is seen
 GLANCE = 0.1  # s between two checks for signals during that wait
+_NOW, _GLANCE = Duration(), Duration(seconds=GLANCE)
 LISTEN = 0.02  # s between two checks of services and keys
 REPEAT = 0.1  # s between two /clock messages while paused, for subscribers that come in the meantime
 # s that discovery takes at least; s without a new receiver after which all are connected; s after which none is waited for
@@ -58,12 +62,16 @@ _BIN = 1e-4  # s, resolution of the lateness
 
 @dataclass
 class Outcome:
-    """Result of a replay: messages by topic, seconds of playing, lateness in steps of 0.1 ms, and the signal that ended it."""
+    """Result of a replay: messages by topic, seconds of playing, lateness in steps of 0.1 ms, and the signal that ended it.
+
+    ``given_up`` is True when a receiver was no longer waited for, which may have lost messages.
+    """
 
     counts: dict[str, int]
     seconds: float = 0.0  # without pauses
     lateness: Counter = field(default_factory=Counter)
     ended_by: int = 0  # signal, or 0
+    given_up: bool = False
 
     def late(self, share: float) -> float:
         """Return the lateness [s] that a share (0 to 1) of the messages did not exceed."""
@@ -108,7 +116,8 @@ def offered(bag: OpenedBags, topic: str, fields: Mapping[str, Any] | None = None
         setattr(profile, name, value)
     if fields and fields.get("depth"):
         return profile
-    profile.depth = min(HISTORY, max(1, bag.counts[topic])) if latched(profile) else HISTORY
+    # a full history asks at once for receipts, which come with the next heartbeat otherwise
+    profile.depth = min(HISTORY, max(1, bag.counts[topic])) if latched(profile) else WINDOW
     return profile
 
 
@@ -167,43 +176,49 @@ class Output:
     """
 
     def __init__(self, node: Node, message_type: type, topic: str, profile: QoSProfile, session: ReplaySession) -> None:
+        if profile.history == HistoryPolicy.KEEP_ALL:  # which would let a receiver that is given up stop the replay
+            profile.history, profile.depth = HistoryPolicy.KEEP_LAST, WINDOW
         self.publisher = node.create_publisher(message_type, topic, profile)
         self.topic, self.session = topic, session
         self.count = 0
-        # with "keep all" a full history holds up the publisher itself
-        self._window = HISTORY if profile.history == HistoryPolicy.KEEP_ALL else max(1, 3 * profile.depth // 4)
+        self._window = min(WINDOW, profile.depth)
         self._open = self._open_bytes = 0  # messages and bytes sent since everything was confirmed
-        self._silent = False
+        self._since = 0.0  # time of the monotonic clock at which the first of them was sent [s]
+        self._given_up = False
 
     def send(self, data: bytes) -> None:
         """Publish the stored bytes of a message."""
+        if self._open and self.publisher.wait_for_all_acked(_NOW):
+            self._confirmed()
+        if not self._open:
+            self._since = time.monotonic()
         self.publisher.publish(data)
         self.count += 1
         self._open += 1
         self._open_bytes += len(data)
-        if self._open >= self._window or self._open_bytes >= OPEN_BYTES:
-            self.confirm(time.monotonic() + PATIENCE)
+        if self._open >= self._window or self._open_bytes >= OPEN_BYTES or time.monotonic() - self._since >= HELD:
+            self.confirm()
 
-    def confirm(self, deadline: float) -> None:
-        """Wait until all receivers have what was sent, at most until a time of the monotonic clock [s].
+    def confirm(self) -> None:
+        """Wait until all receivers have what was sent; give up one that has made no progress for PATIENCE seconds, and report it.
 
-        A topic with a receiver that does not confirm is reported, and is waited for only once.
+        A topic with a receiver that is given up is not waited for until everything is confirmed again.
         """
-        if not self._open:
+        if not self._open or self._given_up or time.monotonic() >= self.session.out_of_time:
             return
+        while not self.publisher.wait_for_all_acked(_GLANCE):
+            now = time.monotonic()
+            if now >= self.session.out_of_time:
+                return
+            if now >= self._since + PATIENCE:
+                self._given_up = self.session.given_up = True
+                self.session.say(f"a receiver of {self.topic} took too little in {PATIENCE:g} s: it is given up and may lose some")
+                return
+        self._confirmed()
+
+    def _confirmed(self) -> None:
         self._open = self._open_bytes = 0
-        if self._silent or time.monotonic() < self.session.hurry_until:
-            deadline = 0.0
-        glance = Duration(seconds=GLANCE if deadline else 0.0)
-        while not (confirmed := self.publisher.wait_for_all_acked(glance)):
-            if time.monotonic() >= min(deadline, self.session.out_of_time):
-                break
-        if confirmed:
-            self._silent = False
-        elif deadline and not self.session.ended_by:
-            self._silent = True
-            self.session.hurry_until = time.monotonic() + LEASE
-            self.session.say(f"a receiver of {self.topic} does not confirm what it gets and may lose some")
+        self._given_up = False
 
 
 class Replay(Node):
@@ -228,7 +243,7 @@ class Replay(Node):
         for topic in topics:
             kind, profile = message_class(bag.types[topic]), offered(bag, topic, session.profiles.get(topic))
             self.outputs[topic] = Output(self, kind, session.names.get(topic, topic), profile, session)
-        self.clock = Output(self, Clock, CLOCK_TOPIC, publisher_profile("measurement"), session)
+        self.clock = Output(self, Clock, CLOCK_TOPIC, QoSProfile(depth=WINDOW), session)
         self._repeat_at = 0.0
         self.outcome = Outcome({})
         self._bag = bag
@@ -364,10 +379,9 @@ class Replay(Node):
             )
 
     def confirm(self) -> None:
-        """Wait until every receiver has everything, for PATIENCE seconds in all."""
-        deadline = time.monotonic() + PATIENCE
+        """Wait until every receiver has everything, or has made no progress for PATIENCE seconds."""
         for output in (*self.outputs.values(), self.clock):
-            output.confirm(deadline)
+            output.confirm()
 
     def receivers(self) -> int:
         """Return how many subscriptions of the bag's topics are connected."""
@@ -416,7 +430,7 @@ class ReplaySession:
         """Keep what is given."""
         self.say, self.keys, self.names, self.delay, self.profiles = say, keys, names or {}, delay, profiles or {}
         self.ended_by = 0
-        self.hurry_until = 0.0  # set when a receiver was waited for in vain: no receiver is waited for until then
+        self.given_up = False  # True when a receiver was waited for in vain
         self.out_of_time = math.inf  # time after which not even receipts are waited for
         self.over = False
         self._executor = None
@@ -465,7 +479,7 @@ class ReplaySession:
             for number, handler in before.items():
                 signal.signal(number, handler)
         outcome.counts = {topic: output.count for topic, output in node.outputs.items()}
-        outcome.ended_by = self.ended_by
+        outcome.ended_by, outcome.given_up = self.ended_by, self.given_up
         return outcome
 
     def stop(self) -> None:

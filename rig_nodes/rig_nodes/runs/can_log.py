@@ -73,7 +73,7 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
     target : Path
         The log; it appears whole or not at all.
     progress : callable, optional
-        Callable that receives the time [s] up to which the bag has been read, and a text.
+        Callable that receives the time from its begin [s] up to which the bag has been read, and a text.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
         raise RigError(f"{small.path}: holds no samples and answers of a shift controller, of which CAN frames could be made")
     config = config_of_record(small.record, str(small.path))
     record, states, active = record_of(config), _states(small), ActiveCode(config)
-    requests, rows = _requests(small), _rows(run, progress)
+    requests, rows = _requests(small), _rows(run, index.first, progress)
     first = []  # what is before the first answer, which has the level
     for row in rows:
         first.append(row)
@@ -109,7 +109,7 @@ def export_can_log(kind: str, run: Path, target: Path, progress: Callable[[float
         if kind == "asc":  # python-can puts the date of the export there, and 1970
             file.seek(0)
             file.truncate()
-            began = started(small, index.last)
+            began = started(small, index.last - index.first)
             date = f"{began:%a %b %d %H:%M:%S}.{began.microsecond // 1000:03d} {began:%Y}"
             file.write(f"date {date}\nbase hex  timestamps absolute\ninternal events logged\nBegin Triggerblock {date}\n")
             file.write(" 0.000000 Start of measurement\n")
@@ -159,8 +159,11 @@ def _states(small: Bag) -> list[tuple[int, str]]:
     ]
 
 
-def _rows(run: Path, progress: Callable[[float, str], None] | None) -> Iterator[tuple[int, _Sample | _Answer]]:
-    """Yield samples and answers with their times [ns], an answer behind the sample of the same time."""
+def _rows(run: Path, begin: int, progress: Callable[[float, str], None] | None) -> Iterator[tuple[int, _Sample | _Answer]]:
+    """Yield samples and answers with their times [ns], an answer behind the sample of the same time.
+
+    ``begin`` is the first log time of the bag [ns], which may be a date.
+    """
     held: list[tuple[int, int, _Sample | _Answer]] = []
     for piece in Bag.pieces(run, IN_MEMORY):
         if piece.counts.get(SAMPLES):
@@ -176,9 +179,10 @@ def _rows(run: Path, progress: Callable[[float, str], None] | None) -> Iterator[
                 command = setpoint if level else duty
                 held.append((round(t * 1e9), 1, _Answer(int(n), int(gear), bool(shifting), int(flags), int(level), tuple(command))))
         held.sort(key=itemgetter(0, 1))
-        ready = [row for row in held if row[0] < piece.last - LATE]
+        done = piece.last - begin
+        ready = [row for row in held if row[0] < done - LATE]
         held = held[len(ready) :]
         yield from ((t, one) for t, _, one in ready)
         if progress:
-            progress(piece.last / 1e9, f"read up to {piece.last / 1e9:.0f} s")
+            progress(done / 1e9, f"read up to {done / 1e9:.0f} s")
     yield from ((t, one) for t, _, one in held)

@@ -88,7 +88,7 @@ class _Inputs:
 
 
 def _inputs_of(bag: Gathered, config: RigConfig) -> _Inputs:
-    found = _Inputs(commands=_Commands(bag), last=bag.last // SAMPLE_NS, delay=bag.run_info().get("delay", 1))
+    found = _Inputs(commands=_Commands(bag), last=bag.recorded_to // SAMPLE_NS, delay=bag.run_info().get("delay", 1))
     keys = {one.setpoint.topic: key for key, one in config.settings.steps.items()}
     for topic, ros_type in bag.types.items():
         if ros_type == SETPOINT:
@@ -105,8 +105,12 @@ def _inputs_of(bag: Gathered, config: RigConfig) -> _Inputs:
 
 def _sample(message: Any) -> int:
     """Return the controller sample of a message's stamp."""
+    return _stamp(message) // SAMPLE_NS
+
+
+def _stamp(message: Any) -> int:
     stamp = message.header.stamp
-    return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) // SAMPLE_NS
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def _changed(settings: Settings, text: str, value: float) -> str | None:
@@ -344,12 +348,15 @@ def _through(bag: Gathered, config: RigConfig, controller: Plug, spec: str, fold
         )
     name = bag.path.stem.rpartition("_")[0] or bag.path.stem
     kept = [topic for topic in bag.types if topic not in (RUN_INFO, CONTROLLER_COMMAND)]
+    # the log times of another recorder may be dates; the answers have the time of the run
+    zero = next((time - _stamp(message) for time, message in bag.messages(SAMPLES)), 0)
     with OpenedBags([bag.source]) as opened:
+        recorded = ((max(0, time - zero), message) for time, message in opened.timeline(kept))
         writer = BagWriter(folder, name, topics=config.catalogue.all_topics)
         try:
             with writer:
                 record = rerun_record(bag, _changed_by(found, config), spec)
-                answers = _answered(bag, config, controller, found, others, _Answered(bag, record, writer, opened.timeline(kept)))
+                answers = _answered(bag, config, controller, found, others, _Answered(bag, record, writer, recorded))
                 writer.end("ended", "the re-run ended")
             return answers
         except BaseException:

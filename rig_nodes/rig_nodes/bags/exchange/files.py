@@ -165,7 +165,7 @@ def _mf4(order: Order) -> None:
     groups, provenance = order.signals.groups, provenance_of(order.signals.small)
     place: dict[int, int] = {}
     with whole(order.target) as part, package.MDF(version="4.10") as file:
-        file.header.start_time = started(order.signals.small, order.signals.last)
+        file.header.start_time = started(order.signals.small, order.signals.length)
         file.header.comment = "; ".join(f"{name}: {value}" for name, value in lines_of(provenance))
         file.attach(text_of(provenance).encode(), file_name=f"{KEY}.json", mime="application/json", embedded=True)
         for rows in chain.from_iterable(order.signals.parts(order.progress)):
@@ -184,15 +184,15 @@ def _mf4(order: Order) -> None:
         os.replace(made_at, part)
 
 
-def started(small: Bag, last: int) -> datetime:
+def started(small: Bag, length: int) -> datetime:
     """Return the date of a run.
 
     Parameters
     ----------
     small : Bag
         Description of the run.
-    last : int
-        Time of its last message [ns].
+    length : int
+        Time from its first message to its last one [ns].
 
     Returns
     -------
@@ -204,7 +204,7 @@ def started(small: Bag, last: int) -> datetime:
     start = next((float(one) for one in facts if isinstance(one, (int, float)) and DATED < one < 1e10), None)
     if start is None:
         files = [small.path] if small.path.is_file() else small.path.glob("*.mcap")
-        start = max(one.stat().st_mtime for one in files) - last / 1e9
+        start = max(one.stat().st_mtime for one in files) - length / 1e9
     return datetime.fromtimestamp(start, UTC)
 
 

@@ -77,6 +77,8 @@ class Signals:
         Topics of the bag that are not the rig's and give no signals.
     cut_off : str
         A sentence when the run was cut off, else empty.
+    length : int
+        Time from the first message to the last one [ns]; log times may be dates.
     """
 
     def __init__(self, run: str | Path, chosen: Sequence[str] = (), units: str = SI) -> None:
@@ -100,7 +102,7 @@ class Signals:
             index.check_began()
             self._run, self.path, self._counts = run, index.files[0], index.counts
             self.small = index.bag([topic for topic, ros_type in index.types.items() if ros_type in DESCRIBING])
-            self.last = index.last
+            self._first, self.length = index.first, index.last - index.first
             self.left_out = index.not_of(self.small.catalogue.all_topics)
             _, self.cut_off = index.end()
         self.groups = _chosen(self._all(units), chosen, self.path)
@@ -109,7 +111,7 @@ class Signals:
 
     def rows(self) -> int:
         """Return the approximate number of values in the groups."""
-        rows = {one.topic: self.last / 1e9 / max(1e-6, self._list_of(one.topic).period) for one in self.groups if one.logger}
+        rows = {one.topic: self.length / 1e9 / max(1e-6, self._list_of(one.topic).period) for one in self.groups if one.logger}
         return round(sum(rows.get(one.topic, self._counts[one.topic]) * len(one.columns) for one in self.groups))
 
     def parts(self, progress: Callable[[float, str], None] | None = None) -> Iterator[list[Part]]:
@@ -118,7 +120,7 @@ class Signals:
         Parameters
         ----------
         progress : callable, optional
-            Callable that receives the time [s] up to which the bag has been read, and a text.
+            Callable that receives the time from its begin [s] up to which the bag has been read, and a text.
 
         Yields
         ------
@@ -146,7 +148,8 @@ class Signals:
                 found.append(Part(number, np.rint(times * 1e9).astype(np.int64), np.column_stack(columns) * factors))
             yield found
             if progress:
-                progress(piece.last / 1e9, f"read up to {piece.last / 1e9:.0f} of {self.last / 1e9:.0f} s")
+                done = (piece.last - self._first) / 1e9
+                progress(done, f"read up to {done:.0f} of {self.length / 1e9:.0f} s")
 
     def _all(self, units: str) -> list[Group]:
         small, known = self.small, self.small.catalogue.signals
