@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rig_nodes.base import ALLOCATES, INLINED, cgutils, intrinsic, njit, types
+from rig_nodes.driveline.algebra import places
 from rig_nodes.driveline.laws import Laws, LawState
 from rig_nodes.driveline.losses import WEIGHTS
 from rig_nodes.driveline.state import Loads, State, Structure
@@ -238,7 +239,7 @@ def loss_at(layout: Ints) -> Floats:
 
 @njit(**INLINED)
 def state_at(layout: Ints) -> State:
-    """Return the state of a driveline's record; the length of its work buffer is not right, as nothing reads it."""
+    """Return the state of a driveline's record."""
     base, n, m, slots = begin_of(layout), layout[0], layout[1], layout[2]
     return State(
         floats(base + layout[AT.v], n),
@@ -249,7 +250,7 @@ def state_at(layout: Ints) -> State:
         floats(base + layout[AT.e_in], n),
         floats(base + layout[AT.events], layout[8], 3),
         whole(base + layout[AT.count], 3),
-        floats(base + layout[AT.work], 1),
+        floats(base + layout[AT.work], places(n, m, slots, layout[3]).size),
     )
 
 
