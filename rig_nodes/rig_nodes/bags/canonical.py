@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The canonical hash of a bag of any length, which is read piece by piece; re-runs and the page of a report use it."""
+"""The canonical hash of a bag of any length, which is read piece by piece; re-runs use it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,13 @@ from .pieces import PIECE
 from .reader import Bag
 
 
-def canonical_hash(source: Path | str, recover: bool = False) -> dict[str, str]:
+def canonical_hash(source: Path | str) -> dict[str, str]:
     """Return what Bag.canonical_hash does.
 
     Parameters
     ----------
     source : Path or str
         The run's folder or its .mcap file.
-    recover : bool
-        True to read the undamaged part of a cut or damaged bag.
 
     Returns
     -------
@@ -35,7 +33,7 @@ def canonical_hash(source: Path | str, recover: bool = False) -> dict[str, str]:
         When the bag is damaged or missing.
     """
     digests, counts, newest, mixed = {}, dict[str, int](), dict[str, int](), set[str]()
-    for piece in Bag.pieces(source, PIECE, recover):
+    for piece in Bag.pieces(source, PIECE):
         for topic, ros_type in piece.types.items():
             digest = digests.setdefault(topic, hashlib.sha256(f"{topic} {ros_type}\n".encode()))
             for seq, stamp, data in piece.entries(topic, counts.get(topic, 0)):

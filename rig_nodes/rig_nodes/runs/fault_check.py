@@ -130,14 +130,15 @@ def _upshifts(config: RigConfig) -> list[tuple[int, int]]:
 
 def _concerned(owner: str, ways: list[tuple[int, int]], box: Transmission) -> tuple[int, int]:
     """Return the upshift in which something of a rig takes part most: its clutch changes, or is engaged, or it is no clutch's."""
+    mine = {
+        one.name
+        for one in box.clutches
+        if owner in (one.name, one.instance, one.valve, one.valve_name, one.pressure, one.current, one.setpoint)
+    }
 
     def part_in(way: tuple[int, int]) -> int:
-        change = box.shift(*way)
-        of = [{one.name, one.instance, one.valve, one.valve_name, one.pressure, one.current, one.setpoint} for one in box.clutches]
-        mine = [one.name for one, names in zip(box.clutches, of) if owner in names]
-        changing = [one.name for one in (*change.releasing, *change.engaging)]
-        held = [one.name for one in (*box.engaged(way[0]), *box.engaged(way[1]))]
-        return 2 * any(name in changing for name in mine) + any(name in held for name in mine)
+        old, new = ({one.name for one in box.engaged(gear)} for gear in way)
+        return len(mine & (old ^ new)) * 2 + len(mine & old & new)
 
     return max(ways, key=part_in)
 
