@@ -12,6 +12,7 @@ STARTS = """
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,9 @@ def start(name):
 
 def gone(name):
     process, child = started[name]
+    until = time.monotonic() + 10
+    while "State:\\tZ" not in status(child) and time.monotonic() < until:
+        time.sleep(0.01)  # a killed process has not yet ended
     return process.wait(10) == -9 and "State:\\tZ" in status(child)
 
 
