@@ -257,6 +257,42 @@ def test_random_drivelines_keep_the_laws(seed):
     assert np.diff(r.e_fric, axis=0).min() > -1e-9 and np.diff(r.e_visc, axis=0).min() >= 0.0
 
 
+def check_tree(seed):
+    """Fail where a random tree of many bodies on clutches, or on clutches and shafts, does not keep the laws."""
+    rng = np.random.default_rng(seed)
+    names, d, inputs = [f"J{i}" for i in range(rng.integers(60, 121))], Driveline(), {}
+    inertias = 10.0 ** rng.uniform(-2.0, 1.0, len(names))
+    for name, inertia in zip(names, inertias):
+        d.inertia(name, inertia, speed=rng.choice([0.0, 0.0, rng.uniform(-50.0, 50.0)]))
+    clutches = 1.0 if rng.random() < 0.5 else 0.6
+    for i in range(1, len(names)):
+        on = names[i - 1 if rng.random() < 0.6 else rng.integers(i)]
+        if rng.random() < clutches:
+            d.clutch(f"c{i}", on, names[i], stick=rng.uniform(1.0, 1.5), drag=rng.choice([0.0, 0.0, 0.05]))
+            inputs[f"c{i}"] = ([0.0, *np.sort(rng.uniform(0.0, 0.1, 3)), 0.2], 60.0 * rng.random(5) * (rng.random(5) < 0.7))
+        else:
+            d.shaft(f"s{i}", on, names[i], stiffness=10.0 ** rng.uniform(2.0, 4.0), damping=rng.random())
+    pushes = {name: rng.uniform(-80.0, 80.0) for name in rng.choice(names, 4, replace=False)}
+    r = run(d.build(), 0.1, 1e-3, inputs | pushes)
+    momentum = r.speeds @ inertias
+    assert momentum - momentum[0] == pytest.approx(sum(pushes.values()) * r.t, abs=1e-9 * (np.abs(r.speeds) @ inertias).max())
+    assert np.abs(r.residual()).max() < 1e-9 * (np.abs(np.diff(r.e_in)).sum() + r.stored.max())
+    assert len(r.events) > 20 and r.capped == 0
+    assert np.abs(r.slips[np.abs(r.modes) >= 2]).max() < 1e-9
+    assert np.all((r.modes * r.slips)[np.abs(r.modes) == 1] > -1e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_random_tree_of_many_clutches_keeps_the_laws(seed):
+    check_tree(seed)
+
+
+@pytest.mark.campaign
+def test_two_hundred_random_trees_of_many_clutches_keep_the_laws():
+    for seed in range(4, 204):
+        check_tree(seed)
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("hundred", range(20))
 def test_two_thousand_random_drivelines(hundred):

@@ -8,7 +8,6 @@ Used by driveline/joint.py, driveline/kernel.py and driveline/quiet.py; this mod
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from rig_nodes.base import INLINED, INNER, intrinsic, njit, types
@@ -37,15 +36,14 @@ TAU, E_SHAFT = 0, 1
 N_EVENTS, N_CAPPED, WORST = 0, 1, 2
 
 RANK = 1e-10  # relative size below which a constraint counts as dependent on the others
-UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
 CLEAR = 1e-9  # share of a torque by which an element at its limit must be overloaded for its mode to be certain
 HELD = 2.0**-100  # 1 / (kg m2): inverse inertia of a prescribed speed, which no torque changes
 WEAK = 1e10 * HELD  # below this no free speed takes part in the slip of an element
-REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
-# work[0]: set of stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, the rest by name
-HEAD = 7
+# work[0]: number of the stuck elements of P and R, [1]: that of H, [2]: step of H, [3]: 1 if anything is implicit, the rest by
+# name. A number of 0 or less: not valid
+HEAD = 8
 FIRST = 4  # work[4]: time from the start of the last step to its first change of modes, or to its end [s]
-RATE, RATE_OF = 5, 6  # work[5]: bound of the fastest rate of shafts and drag [1/s]; work[6]: the set of stuck elements of it
+RATE, RATE_OF = 5, 6  # work[5]: bound of the fastest rate of shafts and drag [1/s]; work[6]: the stuck elements of it
 
 
 @intrinsic
@@ -71,7 +69,8 @@ def short_loops(_context: TypingContext) -> tuple[Signature, Callable[..., None]
 class Places(NamedTuple):
     """Places at which the parts of the work buffer begin.
 
-    They follow HEAD, the drag for which H was made, and the difference from that drag up to which H remains valid.
+    They follow HEAD, the drag for which H was made, the difference from that drag up to which H remains valid, and 1 for each stuck
+    element, in P and R and then in H.
     """
 
     p: int  # (n, n) acceleration by a force, with the stuck elements held
@@ -113,6 +112,7 @@ class Places(NamedTuple):
     w_ends: int  # (m, 2) first speed on which each element acts, and the one behind the last
     sh_ends: int  # (s, 2) the same of each shaft
     band: int  # (n,) first column of each row of the factors that `nodes` then has; the first is -1 where they are inverses
+    ranges: int  # (1 + 2 n,) number of P, then for each of its columns the first row that is not zero, and the one behind the last
     rho: int  # (k, n) torque of each loss by a force
     by_speed: int  # (k, n) the same by a speed, for elements with drag
     given: int  # (k,) torque on which each loss depends, without any loss
@@ -125,7 +125,7 @@ class Places(NamedTuple):
 @njit(**INLINED)
 def places(n: int, m: int, s: int, k: int) -> Places:
     """Return the places of the work buffer for n speeds, m friction elements, s shafts and k losses by torque."""
-    p = HEAD + 2 * m
+    p = HEAD + 4 * m
     wm = p + 2 * n * n + m * n
     g = wm + m * n
     b = g + 3 * m * m
@@ -140,7 +140,8 @@ def places(n: int, m: int, s: int, k: int) -> Places:
     made = z + 8 * own
     w_ends = made + 11 * s
     band = w_ends + 2 * (m + s)
-    rho = band + own
+    ranges = band + own
+    rho = ranges + 1 + 2 * n
     given = rho + 2 * k * n
     row = given + k + k * k + k * (k + 2)
     return Places(
@@ -183,6 +184,7 @@ def places(n: int, m: int, s: int, k: int) -> Places:
         w_ends,
         w_ends + 2 * m,
         band,
+        ranges,
         rho,
         rho + k * n,
         given,
@@ -243,7 +245,7 @@ def unslip(v: Floats, m: int, state: Ints | Floats, first: int, slip: int, orr: 
     """
     n = v.shape[0]
     for f in range(m):
-        if state[first + f] == STUCK:
+        if state[first + f] == STUCK and work[slip + f] != 0.0:
             for j in range(n):
                 v[j] -= work[orr + f * n + j] * work[slip + f]
 
@@ -334,210 +336,3 @@ def if_stuck(f: int, state: Ints | Floats, first: int, torque: Floats, begin: in
 def beyond(limit: float, mode: float, torque: float) -> float:
     """Return how far a torque exceeds the limit that a locked element of this mode carries, less a margin for rounding [Nm]."""
     return (torque - limit if mode == LOCKED_HIGH else limit - torque) - CLEAR * (1.0 + abs(torque))
-
-
-@njit(**INNER)
-def pseudo_inverse(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> None:
-    """Compute the least-norm inverse of the symmetric nc x nc matrix at og (stride m) into oi, by cyclic Jacobi."""
-    noinline()
-    for i in range(nc):
-        for j in range(nc):
-            work[ov + i * m + j] = 1.0 if i == j else 0.0
-    for _ in range(40):
-        off = 0.0
-        top = 0.0
-        for i in range(nc):
-            top = max(top, abs(work[og + i * m + i]))
-            for j in range(i):
-                off = max(off, abs(work[og + i * m + j]))
-        if off <= 1e-17 * top:
-            break
-        for p in range(nc - 1):
-            for r in range(p + 1, nc):
-                apr = work[og + p * m + r]
-                if apr == 0.0:
-                    continue
-                theta = (work[og + r * m + r] - work[og + p * m + p]) / (2.0 * apr)
-                t = 1.0 / (abs(theta) + math.sqrt(theta * theta + 1.0))
-                if theta < 0.0:
-                    t = -t
-                cs = 1.0 / math.sqrt(t * t + 1.0)
-                sn = t * cs
-                for i in range(nc):
-                    x = work[og + i * m + p]
-                    y = work[og + i * m + r]
-                    work[og + i * m + p] = cs * x - sn * y
-                    work[og + i * m + r] = sn * x + cs * y
-                for i in range(nc):
-                    x = work[og + p * m + i]
-                    y = work[og + r * m + i]
-                    work[og + p * m + i] = cs * x - sn * y
-                    work[og + r * m + i] = sn * x + cs * y
-                    x = work[ov + i * m + p]
-                    y = work[ov + i * m + r]
-                    work[ov + i * m + p] = cs * x - sn * y
-                    work[ov + i * m + r] = sn * x + cs * y
-    top = 0.0
-    for i in range(nc):
-        top = max(top, work[og + i * m + i])
-    for i in range(nc):
-        for j in range(nc):
-            total = 0.0
-            for p in range(nc):
-                e = work[og + p * m + p]
-                if e > max(RANK * top, WEAK):
-                    total += work[ov + i * m + p] * work[ov + j * m + p] / e
-            work[oi + i * m + j] = total
-
-
-@njit(**INNER)
-def refuse(minv: Floats, w: Floats, ost: int, work: Floats, nc: int) -> None:
-    """Add to R the torques of nc stuck elements that cannot all stick while prescribed speeds change.
-
-    Where no free speed can compensate an acceleration of the slips, the torque of these elements against it is set far above any
-    capacity (REFUSED), so that one of them breaks away. It uses the eigenvectors that `pseudo_inverse` has just computed.
-    """
-    noinline()
-    m, n = w.shape
-    at = places(n, m, int(0), int(0))
-    top = 0.0
-    for p in range(nc):
-        top = max(top, work[at.g + p * m + p])
-    for u in range(n):
-        if minv[u, u] != HELD:
-            continue
-        for p in range(nc):
-            if work[at.g + p * m + p] > max(RANK * top, WEAK):
-                continue
-            slip, size, row = 0.0, 0.0, 0
-            for f in range(m):
-                if work[ost + f] == STUCK:
-                    slip += work[at.vectors + row * m + p] * w[f, u]
-                    size = max(size, abs(w[f, u]))
-                    row += 1
-            if abs(slip) <= 1e-9 * size:
-                continue
-            row = 0
-            for f in range(m):
-                if work[ost + f] == STUCK:
-                    work[at.r + f * n + u] += REFUSED * HELD * work[at.vectors + row * m + p] * slip
-                    row += 1
-
-
-@njit(**INNER)
-def project(minv: Floats, w: Floats, ost: int, work: Floats) -> float:
-    """Compute R (stuck torque = R f) and P (acceleration = P f) for the elements whose flag at ost is STUCK.
-
-    G = W_c M^-1 W_c^T, R = G^+ W_c M^-1, P = M^-1 - R^T W_c M^-1.
-    """
-    noinline()
-    n = minv.shape[0]
-    m = w.shape[0]
-    at = places(n, m, int(0), int(0))
-    op, orr, owm, og, ov, oi = at.p, at.r, at.wm, at.g, at.vectors, at.inverse
-    nc = int(0)  # not a literal, which would make numba compile pseudo_inverse once more
-    pattern = 1.0
-    bit = 1.0
-    for f in range(m):
-        if work[ost + f] == STUCK:
-            pattern += bit
-            for j in range(n):
-                total = 0.0
-                for i in range(n):
-                    total += w[f, i] * minv[i, j]
-                work[owm + nc * n + j] = total
-            nc += 1
-        bit *= 2.0
-        for j in range(n):
-            work[orr + f * n + j] = 0.0
-    row = 0
-    for f in range(m):
-        if work[ost + f] == STUCK:
-            for i in range(nc):
-                work[og + row * m + i] = sum_at(work, owm + i * n, w, f)
-            row += 1
-    pseudo_inverse(work, og, ov, oi, nc, m)
-    for i in range(n):
-        for j in range(n):
-            work[op + i * n + j] = minv[i, j]
-    row = 0
-    for f in range(m):
-        if work[ost + f] == STUCK:
-            for j in range(n):
-                total = 0.0
-                for i in range(nc):
-                    total += work[oi + row * m + i] * work[owm + i * n + j]
-                work[orr + f * n + j] = total
-            for i in range(n):
-                for j in range(n):
-                    work[op + i * n + j] -= work[orr + f * n + i] * work[owm + row * n + j]
-            row += 1
-    for j in range(n):
-        if minv[j, j] == HELD:
-            refuse(minv, w, ost, work, nc)
-            break
-    work[0] = pattern
-    return pattern
-
-
-@njit(**INLINED)
-def stale(d: float, pattern: float, cap: Floats, work: Floats) -> bool:
-    """Return whether :func:`implicit` has to compute H again: other stuck elements, another step, or too large a change of drag.
-
-    Plates that turn in oil heat it, so their drag changes a little in every step; this is too little to affect a step.
-    """
-    gone = work[1] != pattern or (work[3] != 0.0 and work[2] != d)
-    m = cap.shape[1]
-    for f in range(m):
-        gone |= not abs(work[HEAD + f] - cap[VISC, f]) <= work[HEAD + m + f]
-    return gone
-
-
-@njit(**INNER)
-def keep_drag(d: float, w: Floats, cap: Floats, work: Floats, at: Places) -> bool:
-    """Keep the drags for which H is computed for a step d, and how far they may move; return whether there are any."""
-    m, n = w.shape
-    found = False
-    for f in range(m):
-        moved = 0.0
-        for i in range(n):
-            for j in range(n):
-                moved += w[f, i] * work[at.p + i * n + j] * w[f, j]
-        work[HEAD + m + f] = UNSEEN / max(0.5 * d * moved, UNSEEN * UNSEEN)
-        work[HEAD + f] = cap[VISC, f]
-        if cap[VISC, f] != 0.0:
-            found = True
-    return found
-
-
-@njit(**INNER)
-def implicit(d: float, w: Floats, cap: Floats, work: Floats) -> None:
-    """Compute H = (I + d/2 P B)^-1 P with B = W^T visc W; H = P where there is no drag."""
-    noinline()
-    m, n = w.shape
-    at = places(n, m, int(0), int(0))
-    op, oh, ob, oa = at.p, at.h, at.b, at.a
-    coupled = keep_drag(d, w, cap, work, at)
-    for i in range(n * n):
-        work[oh + i] = work[op + i]
-    work[1] = work[0]
-    work[2] = d
-    work[3] = 1.0 if coupled else 0.0
-    if not coupled:
-        for f in range(m):
-            # a step of another length keeps this H, and a drag without effect in this step may have one there
-            work[HEAD + m + f] = 0.0
-        return
-    for i in range(n):
-        for j in range(n):
-            total = 0.0
-            for f in range(m):
-                total += cap[VISC, f] * w[f, i] * w[f, j]
-            work[ob + i * n + j] = total
-    for i in range(n):
-        for j in range(n):
-            total = 1.0 if i == j else 0.0
-            for p in range(n):
-                total += 0.5 * d * work[op + i * n + p] * work[ob + p * n + j]
-            work[oa + i * n + j] = total
-    eliminate(work, oa, oh, n, n)

@@ -11,22 +11,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from rig_nodes.base import INLINED, njit
-from rig_nodes.driveline.algebra import (
-    BACKWARD,
-    CLOSE,
-    CROSS,
-    FIRST,
-    FORWARD,
-    FREE,
-    OPEN,
-    RATE_OF,
-    STUCK,
-    Places,
-    has_capacity,
-    rate_of,
-)
+from rig_nodes.driveline.algebra import BACKWARD, CLOSE, CROSS, FIRST, FORWARD, FREE, OPEN, RATE_OF, STUCK, Places, has_capacity
 from rig_nodes.driveline.joint import note
 from rig_nodes.driveline.losses import BEFORE, LAST, OWN, put_last
+from rig_nodes.driveline.wide import know_ends, rate_along
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats
@@ -49,7 +37,7 @@ def start_modes(t: float, scale: float, w: Floats, cap: Floats, state: State, at
                 made += 1
                 mode[f] = OPEN
         elif mo == OPEN or abs(mo) == 1:
-            slip = rate_of(w, f, state.v)
+            slip = rate_along(w, f, state.v, work, at.w_ends)
             if mo == OPEN:
                 if abs(slip) <= tol:
                     work[at.candidate + f] = 1.0
@@ -90,7 +78,7 @@ def mark(tol: float, w: Floats, state: State, at: Places) -> None:
         if abs(state.mode[f]) >= 2:
             state.work[at.candidate + f] = 1.0
         elif state.mode[f] != OPEN:
-            if abs(rate_of(w, f, state.v)) <= tol:
+            if abs(rate_along(w, f, state.v, state.work, at.w_ends)) <= tol:
                 state.work[at.candidate + f] = 1.0
 
 
@@ -117,6 +105,7 @@ def begin_step(t: float, structure: Structure, cap: Floats, loss: Floats, state:
     for a in range(structure.sh.shape[0]):
         work[at.swing + a] = 0.0
     scale += 1.0
+    know_ends(structure.w, structure.sh, work, at)
     start_losses(cap.shape[1], cap, loss, work, at)
     made, joint = start_modes(t, scale, structure.w, cap, state, at)
     return scale, made, joint

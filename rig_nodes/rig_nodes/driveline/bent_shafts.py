@@ -431,16 +431,16 @@ def shaft_part(h: float, done: float, whole: bool, structure: Structure, laws: L
     if scale == 0.0:
         return done
     start_shafts(structure, laws, state, work, at)
-    pattern = start_forces(done / h, structure, loads, state, at)
+    start_forces(done / h, structure, loads, state, at)
     for k in range(laws.kind.shape[0]):
         a = laws.slot[k]
         more = work[at.bent + 9 * a + BEGUN] - kc[0, a] * state.twist[a]
         for j in range(n):
             work[at.force + j] -= sh[a, j] * more
     answer_forces(state.mode, n, work, at)
-    longest = longest_part(h, pattern, structure, cap, work)
+    longest = longest_part(h, structure, cap, work)
     d = longest if longest <= (h - done) * (1.0 + SAME) else h - done
-    span = Span(h, done, pattern, scale, longest, False, at)
+    span = Span(h, done, scale, longest, False, at)
     if whole and not ends(d, span):
         return done
     shortest = d if whole else d * LEAST

@@ -24,6 +24,7 @@ from rig_nodes.driveline.algebra import (
     E_FRIC,
     E_SHAFT,
     E_VISC,
+    HEAD,
     IMPULSE,
     LAM,
     OPEN,
@@ -31,7 +32,6 @@ from rig_nodes.driveline.algebra import (
     TAU,
     VISC,
     eliminate,
-    keep_drag,
     lin,
     noinline,
     places,
@@ -41,6 +41,7 @@ from rig_nodes.driveline.algebra import (
 )
 from rig_nodes.driveline.losses import FACTOR, ON, brakes, solve_losses
 from rig_nodes.driveline.losses import WEIGHTS as OF_TORQUES
+from rig_nodes.driveline.stuck import keep_drag
 from rig_nodes.driveline.wide import WIDE, factorise, push_along, solve_band, sum_along
 
 if TYPE_CHECKING:
@@ -141,7 +142,9 @@ def make_bands(d: float, structure: Structure, cap: Floats, work: Floats, at: Pl
     noinline()
     minv, w, sh, kc = structure.minv, structure.w, structure.sh, structure.kc
     m, n = w.shape
-    able = n >= WIDE and work[0] == 1.0  # the number of no stuck element
+    able = n >= WIDE
+    for f in range(m):
+        able = able and work[HEAD + 2 * m + f] == 0.0
     for i in range(n if able else 0):
         work[at.band + i] = i
         for j in range(i):

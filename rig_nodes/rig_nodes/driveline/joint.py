@@ -61,13 +61,13 @@ from rig_nodes.driveline.algebra import (
     multiply,
     noinline,
     places,
-    project,
     rate_of,
     sum_at,
     sum_of,
     unslip,
 )
 from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, SHARE, WEIGHTS, brakes, put_last, put_losses, solve_losses, worst_of
+from rig_nodes.driveline.stuck import is_held, project
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
@@ -110,10 +110,11 @@ def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
     alone = 0.0
     size = 0.0
     for i in range(n):
-        size = max(size, abs(w[f, i]))
-        for j in range(n):
-            held += w[f, i] * work[op + i * n + j] * w[f, j]
-            alone += w[f, i] * minv[i, j] * w[f, j]
+        if w[f, i] != 0.0:
+            size = max(size, abs(w[f, i]))
+            for j in range(n):
+                held += w[f, i] * work[op + i * n + j] * w[f, j]
+                alone += w[f, i] * minv[i, j] * w[f, j]
     if held > RANK * alone:
         return False
     for u in range(n):
@@ -129,12 +130,7 @@ def dependent(f: int, w: Floats, minv: Floats, work: Floats, op: int) -> bool:
 @njit(**INNER)
 def hold(minv: Floats, w: Floats, ost: int, work: Floats) -> None:
     """Call `project` for the set of stuck elements at ost, unless P and R belong to this set already."""
-    pattern, bit = 1.0, 1.0
-    for f in range(w.shape[0]):
-        if work[ost + f] == STUCK:
-            pattern += bit
-        bit *= 2.0
-    if work[0] != pattern:
+    if not is_held(work, ost, w.shape[0], work):
         project(minv, w, ost, work)
 
 

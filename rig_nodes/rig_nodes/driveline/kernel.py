@@ -31,6 +31,8 @@ from rig_nodes.driveline.algebra import (
     FIRST,
     FORWARD,
     IMPULSE,
+    KIN0,
+    KIN1,
     LAM,
     N_CAPPED,
     OPEN,
@@ -41,14 +43,11 @@ from rig_nodes.driveline.algebra import (
     WORST,
     Places,
     high,
-    implicit,
     lin,
     low,
     multiply,
     noinline,
     places,
-    project,
-    stale,
     sum_at,
     sum_of,
     unslip,
@@ -66,7 +65,8 @@ from rig_nodes.driveline.collocation import (
 )
 from rig_nodes.driveline.joint import carried, jammed, resolve, stop
 from rig_nodes.driveline.losses import FACTOR, LAST, NEXT, ON, brakes, end_losses, put_last, put_losses, worst_of
-from rig_nodes.driveline.wide import WIDE, hold_wide, know_ends, multiply_wide, push_along, rate_along, sum_along
+from rig_nodes.driveline.stuck import implicit, is_held, project, stale
+from rig_nodes.driveline.wide import WIDE, find_ranges, hold_wide, know_ends, multiply_wide, push_along, rate_along, sum_along
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
@@ -74,6 +74,7 @@ if TYPE_CHECKING:
 
 JAM = 1e-3  # share of a step: accuracy of the time at which a mesh jams
 SAME = 1e-9  # share of a sub-step that is rounding
+ROUNDED = 2.0**-52  # share of the largest speed up to which the slip of a stuck element is that of rounding, among many
 UNDECIDED = 3  # most failed decisions in a step; one of them takes as much time as a hundred successful ones
 
 
@@ -84,8 +85,6 @@ class Span(NamedTuple):
     ----------
     h, done : float
         Length of the whole step, and what of it is done [s].
-    pattern : float
-        Number of the set of stuck elements.
     scale : float
         1 plus the largest speed at the start of the whole step [rad/s], to which slips of rounding size are compared.
     longest : float
@@ -98,7 +97,6 @@ class Span(NamedTuple):
 
     h: float
     done: float
-    pattern: float
     scale: float
     longest: float
     watch: bool
@@ -135,15 +133,10 @@ def first_down(y0: float, b: float, y1: float, d: float, tol: float) -> float:
 
 
 @njit(**INLINED)
-def start_forces(x: float, structure: Structure, loads: Loads, state: State, at: Places) -> float:
-    """Set forces, slips and torques of slipping elements at the start of a sub-step, share x of the step; return the pattern.
-
-    The pattern is the number of the set of stuck elements, for which P and R are computed.
-    """
+def start_forces(x: float, structure: Structure, loads: Loads, state: State, at: Places) -> None:
+    """Set forces, slips and torques of slipping elements at share x of the step, and P and R of the stuck ones."""
     w, sh, kc, cap, mode, work = structure.w, structure.sh, structure.kc, loads.cap, state.mode, state.work
     m, n = mode.shape[0], state.v.shape[0]
-    pattern = 1.0
-    bit = 1.0
     for j in range(n):
         work[at.force + j] = lin(loads.q[0, j], loads.q[1, j], x)
     know_ends(w, sh, work, at)
@@ -153,28 +146,28 @@ def start_forces(x: float, structure: Structure, loads: Loads, state: State, at:
         push_along(work, at.force, sh, a, kc[0, a] * state.twist[a] + kc[1, a] * rate, at.sh_ends)
     for f in range(m):
         mo = mode[f]
-        slip = rate_along(w, f, state.v, work, at.w_ends)
+        slip = 0.0 if mo == STUCK and n >= WIDE else rate_along(w, f, state.v, work, at.w_ends)
         work[at.slip0 + f] = slip
         torque = 0.0
-        if mo == STUCK:
-            pattern += bit
-        elif mo != OPEN:
+        if mo != STUCK and mo != OPEN:
             torque = carried(cap, f, mo, x)
-        bit *= 2.0
         work[at.torque0 + f] = torque
-        push_along(work, at.force, w, f, torque + cap[VISC, f] * slip, at.w_ends)
-    if work[0] != pattern:
+        torque += cap[VISC, f] * slip
+        if torque != 0.0:
+            push_along(work, at.force, w, f, torque, at.w_ends)
+    if not is_held(mode, int(0), m, work):
         for f in range(m):
             work[at.state + f] = mode[f]
         project(structure.minv, w, at.state, work)
-    return pattern
 
 
 @njit(**INLINED)
 def answer_forces(mode: Ints, n: int, work: Floats, at: Places) -> None:
     """Set the accelerations of n speeds and the torques of stuck elements by the forces at the start of a sub-step."""
     if n >= WIDE:
-        multiply_wide(work, at.p, at.force, at.accel, n)
+        if work[at.ranges] != work[0]:
+            find_ranges(work, at, n)
+        multiply_wide(work, at.p, at.ranges, at.force, at.accel, n)
         hold_wide(work, at.r, at.force, at.torque0, mode, n)
         return
     multiply(work, at.p, at.force, at.accel, n)
@@ -202,7 +195,7 @@ def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss
     The matrices of the implicit part are made where they are not those of this sub-step.
     """
     w, sh, cap, work, at, n = structure.w, structure.sh, loads.cap, state.work, span.at, state.v.shape[0]
-    if stale(d, span.pattern, cap, work):
+    if stale(d, cap, work):
         if sh.shape[0] > 0:
             make_nodes(d, structure, cap, work)
         else:
@@ -218,7 +211,8 @@ def change_forces(d: float, span: Span, structure: Structure, loads: Loads, loss
         elif mo != STUCK:
             torque = carried(cap, f, mo, xb if work[at.lossy + f] == 0.0 else 1.0)
             work[at.torque1 + f] = torque
-            push_along(work, at.dforce, w, f, torque - work[at.torque0 + f], at.w_ends)
+            if torque != work[at.torque0 + f]:
+                push_along(work, at.dforce, w, f, torque - work[at.torque0 + f], at.w_ends)
     # spring force grows by k d (rate at the start) before anything implicit
     for a in range(sh.shape[0]):
         push_along(work, at.dforce, sh, a, structure.kc[0, a] * d * work[at.rate + a], at.sh_ends)
@@ -249,16 +243,23 @@ def change_wide(d: float, w: Floats, cap: Floats, mode: Ints, work: Floats, at: 
     """Do what :func:`change_speeds` does for many speeds without shafts."""
     noinline()
     n = w.shape[1]
-    for j in range(n):
-        work[at.a + j] = d * (work[at.force + j] + 0.5 * work[at.dforce + j])
-    multiply_wide(work, at.h, at.a, at.dv, n)
+    if work[3] == 0.0:
+        multiply_wide(work, at.p, at.ranges, at.dforce, at.a, n)
+        for j in range(n):
+            work[at.dv + j] = d * (work[at.accel + j] + 0.5 * work[at.a + j])
+    else:
+        for j in range(n):
+            work[at.a + j] = d * (work[at.force + j] + 0.5 * work[at.dforce + j])
+        multiply_wide(work, at.h, int(0), at.a, at.dv, n)
     for f in range(mode.shape[0]):
+        if mode[f] == STUCK:
+            work[at.slip1 + f], work[at.torque1 + f] = 0.0, work[at.torque0 + f]
+            continue
         gain = sum_along(work, at.dv, w, f, at.w_ends)
         work[at.slip1 + f] = work[at.slip0 + f] + gain
-        push_along(work, at.dforce, w, f, cap[VISC, f] * gain, at.w_ends)
-    for j in range(n):
-        work[at.a + j] = work[at.force + j] + work[at.dforce + j]
-    hold_wide(work, at.r, at.a, at.torque1, mode, n)
+        if cap[VISC, f] != 0.0:
+            push_along(work, at.dforce, w, f, cap[VISC, f] * gain, at.w_ends)
+    hold_wide(work, at.r, at.dforce, at.torque1, mode, n)
 
 
 @njit(**INLINED)
@@ -345,6 +346,8 @@ def first_event(
                 first, who, way = te, f, 0
         elif mo == STUCK:
             l0, l1 = work[at.torque0 + f], work[at.torque1 + f]
+            if f != hit and max(abs(l0), abs(l1)) < min(cap[KIN0, f], cap[KIN1, f]):
+                continue  # no limit is less than the kinetic torque
             lim = 1e-11 * (1.0 + abs(l0) + abs(l1))
             whole = work[at.lossy + f] != 0.0
             for sign in (1, -1):
@@ -480,17 +483,18 @@ def take(d: float, span: Span, structure: Structure, loads: Loads, loss: Floats,
         # without this, a locked clutch would creep by rounding over millions of steps
         for f in range(mode.shape[0]):
             if mode[f] == STUCK:
-                work[at.slip1 + f] = rate_along(structure.w, f, v, work, at.w_ends)
+                slip = rate_along(structure.w, f, v, work, at.w_ends)
+                work[at.slip1 + f] = slip if n < WIDE or abs(slip) > ROUNDED * span.scale else 0.0
         unslip(v, mode.shape[0], mode, int(0), at.slip1, at.r, work)
 
 
 @njit(**INLINED)
-def longest_part(h: float, pattern: float, structure: Structure, cap: Floats, work: Floats) -> float:
+def longest_part(h: float, structure: Structure, cap: Floats, work: Floats) -> float:
     """Return the longest sub-step of a step h, which shafts divide."""
     if structure.sh.shape[0] == 0:
         return h
-    if work[RATE_OF] != pattern:
-        work[RATE], work[RATE_OF] = fastest_rate(structure, cap, work), pattern
+    if work[RATE_OF] != work[0]:
+        work[RATE], work[RATE_OF] = fastest_rate(structure, cap, work), work[0]
     return part_of(h, work[RATE])
 
 
@@ -550,10 +554,10 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
         if h - done <= 0.0:
             break
         put_last(loss, cap)
-        pattern = start_forces(done / h, structure, loads, state, at)
+        start_forces(done / h, structure, loads, state, at)
         answer_forces(state.mode, state.v.shape[0], work, at)
-        longest = longest_part(h, pattern, structure, cap, work)
-        span = Span(h, done, pattern, scale, longest, passes <= 6 * m + 12 and undecided <= UNDECIDED, at)
+        longest = longest_part(h, structure, cap, work)
+        span = Span(h, done, scale, longest, passes <= 6 * m + 12 and undecided <= UNDECIDED, at)
         d, hit, side, missed, shorter, jams = sub_step(span, structure, loads, loss, state)
         if jams >= 0:
             continue

@@ -37,7 +37,6 @@ from rig_nodes.driveline.algebra import (
     has_capacity,
     noinline,
     places,
-    project,
     rate_of,
     short_loops,
     sum_at,
@@ -93,6 +92,7 @@ from rig_nodes.driveline.record import (
     structure_at,
 )
 from rig_nodes.driveline.state import Loads, Structure
+from rig_nodes.driveline.stuck import is_held, project
 from rig_nodes.driveline.tables import line, piece
 
 if TYPE_CHECKING:
@@ -172,35 +172,33 @@ def put_inputs(over_time: OverTime, h: float, t: float, loads: Loads, by_input: 
 
 
 @njit(**INLINED)
-def start_elements(q: Quick, tol: float) -> tuple[float, bool, bool]:
+def start_elements(q: Quick, tol: float) -> tuple[bool, bool, bool]:
     """Set slips, and rates of the rows among the shafts, at the start.
 
     Returns
     -------
-    pattern : float
-        Number of the set of stuck elements, 0 where an event is possible.
+    able : bool
+        Whether no event is possible.
     stuck, slipping : bool
         Whether elements stick, and whether some slip.
     """
     short_loops()
     w, sh, mode, by_element, by_slot = q.structure.w, q.structure.sh, q.state.mode, q.by_element, q.by_slot
-    pattern, bit, stuck, slipping = 1.0, 1.0, False, False
+    stuck = slipping = False
     for f in range(mode.shape[0]):
         by_element[SLIP0, f] = dot(w, f, q.by_speed, DV)
         by_element[CURVED, f] = 0.0
         if mode[f] == STUCK:
-            pattern += bit
             stuck = True
         elif mode[f] == FORWARD or mode[f] == BACKWARD:
             slipping = True
             if mode[f] * by_element[SLIP0, f] < -tol:
-                return 0.0, stuck, slipping
+                return False, stuck, slipping
         elif mode[f] != OPEN:
-            return 0.0, stuck, slipping
-        bit *= 2.0
+            return False, stuck, slipping
     for a in range(sh.shape[0]):
         by_slot[TURN, a] = dot(sh, a, q.by_speed, DV)
-    return pattern, stuck, slipping
+    return True, stuck, slipping
 
 
 @njit(**INLINED)
@@ -534,18 +532,18 @@ def quick_step(layout: Ints, h: float, t: float) -> int:
     tol = 1e-12 * start(layout, h, t, q, before)
     if tol == 0.0:
         return int(0)
-    pattern, stuck, slipping = start_elements(q, tol)
-    if pattern == 0.0 or not start_laws(q):
+    able, stuck, slipping = start_elements(q, tol)
+    if not able or not start_laws(q):
         return int(0)
     if q.heavy and q.loss.shape[0] > 0:
         return int(0)
-    if work[0] != pattern or (q.heavy and not ready):
+    if not is_held(q.state.mode, int(0), q.state.mode.shape[0], work) or (q.heavy and not ready):
         for f in range(q.state.mode.shape[0]):
             work[at.state + f] = q.state.mode[f]
         project(q.structure.minv, q.structure.w, at.state, work)
         ready = False
-    ready = ready and made[1] == h and made[2] == pattern
-    made[1], made[2] = h, pattern
+    ready = ready and made[1] == h and made[2] == work[0]
+    made[1], made[2] = h, work[0]
     if not solve(q, ready):
         return int(0)
     implicit_parts(q)

@@ -16,6 +16,7 @@ from rig_nodes.driveline.algebra import (
     E_FRIC,
     E_VISC,
     FORWARD,
+    HEAD,
     HI0,
     HI1,
     IMPULSE,
@@ -32,12 +33,12 @@ from rig_nodes.driveline.algebra import (
     beyond,
     has_capacity,
     if_stuck,
-    implicit,
     places,
-    stale,
 )
 from rig_nodes.driveline.losses import BEFORE, LAST, NEXT, PREDICTED, WAY, WEIGHTS, loss_at, predict_losses, put_predicted
 from rig_nodes.driveline.small_vectors import add, dot, product, put, room, scaled, vector
+from rig_nodes.driveline.stuck import implicit, stale
+from rig_nodes.driveline.wide import WIDE
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints, Record
@@ -83,25 +84,23 @@ def rounding(v: Floats) -> float:
 
 
 @njit(**INLINED)
-def pattern_of(mode: Ints, cap: Floats, slip: Floats, tol: float) -> tuple[float, bool]:
-    """Return the number of the set of stuck elements, and whether these prevent the slip of one that carries its limit.
+def fitting(mode: Ints, cap: Floats, slip: Floats, tol: float, work: Floats) -> tuple[bool, bool]:
+    """Return whether each mode (m,) is one of its capacity and slip (m,), and whether stuck elements prevent the slip of another.
 
-    The number is 0 where a mode (m,) is not one of this capacity and slip (m,), so that an event is possible.
+    The latter carries its limit. Where a mode does not fit, an event is possible.
     """
-    pattern, bit, shared, fits = 1.0, 1.0, False, True
-    for f in range(mode.shape[0]):
+    shared, fits, m = False, work[0] > 0.0, mode.shape[0]
+    for f in range(m):
         mo = mode[f]
+        fits &= (work[HEAD + 2 * m + f] != 0.0) == (mo == STUCK)
         if has_capacity(cap, f):
-            if mo == STUCK:
-                pattern += bit
-            elif mo == LOCKED_HIGH or mo == LOCKED_LOW:
+            if mo == LOCKED_HIGH or mo == LOCKED_LOW:
                 shared = True
-            elif (mo != FORWARD and mo != BACKWARD) or mo * slip[f] < -tol:
+            elif mo != STUCK and ((mo != FORWARD and mo != BACKWARD) or mo * slip[f] < -tol):
                 fits = False
         elif mo != OPEN:
             fits = False
-        bit *= 2.0
-    return (pattern if fits else 0.0), shared
+    return fits, shared
 
 
 @njit(**INLINED)
@@ -173,10 +172,10 @@ def attempt(h: float, line: Record, before: int) -> int:
         along = vector(w, f * n, v)
         slip0[f], torque0[f] = dot(along, speed), borne(cap, f, mode[f], int(0))
         force = add(force, -(torque0[f] + cap[VISC, f] * slip0[f]), along)
-    pattern, shared = pattern_of(mode, cap, slip0, tol)
-    if pattern == 0.0 or work[0] != pattern:
+    fits, shared = fitting(mode, cap, slip0, tol, work)
+    if not fits:
         return EVENT
-    if stale(h, pattern, cap, work):
+    if stale(h, cap, work):
         implicit(h, w, cap, work)
     # acceleration at the start, without the implicit parts
     accel = product(work, op, force)
@@ -244,7 +243,8 @@ def quiet_step(h: float, line: Record) -> bool:
     after the last attempt. Then nothing has changed, and `driveline_step` has to be called; it solves the losses that are predicted
     here.
     """
-    how, before = CORRECTED, int(0)  # int(): a literal would make numba compile the step once more
+    # many speeds cost the other step less; int(): a literal would make numba compile the step once more
+    how, before = EVENT if line.v.shape[0] >= WIDE else CORRECTED, int(0)
     while how == CORRECTED and before < ATTEMPTS:  # a loop, so that the step is compiled once
         how = attempt(h, line, before)
         before += 1

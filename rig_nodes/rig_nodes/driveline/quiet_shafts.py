@@ -39,10 +39,10 @@ from rig_nodes.driveline.quiet import (
     EVENT,
     NEAR,
     borne,
+    fitting,
     held,
     holds,
     losses_met,
-    pattern_of,
     rounding,
     shares_hold,
 )
@@ -174,10 +174,8 @@ def attempt(h: float, line: Record, before: int) -> int:
         along = vector(w, f * n, v)
         slip0[f], torque0[f] = dot(along, speed), borne(cap, f, mode[f], int(0))
         force = add(force, -(torque0[f] + cap[VISC, f] * slip0[f]), along)
-    pattern, shared = pattern_of(mode, cap, slip0, tol)
-    if pattern == 0.0:
-        return EVENT
-    if work[0] != pattern or work[1] != pattern or work[2] != h or work[RATE_OF] != pattern or h * work[RATE] > PHASE:
+    fits, shared = fitting(mode, cap, slip0, tol, work)
+    if not fits or work[1] != work[0] or work[2] != h or work[RATE_OF] != work[0] or h * work[RATE] > PHASE:
         return EVENT
     for a in range(sh.shape[0]):
         along = vector(sh, a * n, v)

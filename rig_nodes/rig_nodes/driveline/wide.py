@@ -73,39 +73,49 @@ def push_along(work: Floats, to: int, rows: Floats, k: int, torque: float, ends:
 
 
 @njit(**INNER)
-def multiply_wide(work: Floats, matrix: int, vector: int, to: int, n: int) -> None:
+def find_ranges(work: Floats, at: Places, n: int) -> None:
+    """Note in which rows the columns of P are not zero: the bodies that turn with one, where elements slip between others."""
+    noinline()
+    for j in range(n):
+        first, behind = j, j + 1
+        for i in range(n):
+            if work[at.p + j * n + i] != 0.0:
+                first, behind = min(first, i), max(behind, i + 1)
+        work[at.ranges + 1 + 2 * j], work[at.ranges + 2 + 2 * j] = first, behind
+    work[at.ranges] = work[0]
+
+
+@njit(**INNER)
+def multiply_wide(work: Floats, matrix: int, ranges: int, vector: int, to: int, n: int) -> None:
     """Do what :func:`multiply` does for many speeds and a symmetric matrix, whose rows are taken for its columns.
 
-    The numbers of a column belong to different sums, so that the processor takes several at once, if numba need not ask whether a
-    place is negative: hence the slices.
+    Only the numbers of the vector that are not zero count, with what is not zero of their columns, by ``ranges``, or all of it
+    where that is 0. The numbers of a column belong to different sums, so that the processor takes several at once, if numba need
+    not ask whether a place is negative: hence the slices.
     """
     noinline()
-    factors, product = work[vector : vector + n], work[to : to + n]
+    product = work[to : to + n]
     for i in range(n):
         product[i] = 0.0
     for j in range(n):
-        factor, column = factors[j], work[matrix + j * n : matrix + (j + 1) * n]
-        for i in range(n):
-            product[i] += column[i] * factor
+        factor = work[vector + j]
+        if factor != 0.0:
+            first, behind = (int(work[ranges + 1 + 2 * j]), int(work[ranges + 2 + 2 * j])) if ranges > 0 else (int(0), n)
+            column, sums = work[matrix + j * n + first : matrix + j * n + behind], work[to + first : to + behind]
+            for i in range(behind - first):
+                sums[i] += column[i] * factor
 
 
 @njit(**INNER)
 def hold_wide(work: Floats, orr: int, vector: int, to: int, mode: Ints, n: int) -> None:
-    """Write the torques of the stuck elements by the force (n,) at a place, for many speeds; R begins at orr."""
+    """Add to the torques of the stuck elements those by the force (n,) at a place, for many speeds; R begins at orr."""
     noinline()
-    force = work[vector : vector + n]
-    for f in range(mode.shape[0]):
-        if mode[f] == STUCK:
-            row = work[orr + f * n : orr + (f + 1) * n]
-            s0 = s1 = s2 = s3 = 0.0  # sums that need not wait for each other
-            for j in range(n >> 2):
-                s0 += row[4 * j] * force[4 * j]
-                s1 += row[4 * j + 1] * force[4 * j + 1]
-                s2 += row[4 * j + 2] * force[4 * j + 2]
-                s3 += row[4 * j + 3] * force[4 * j + 3]
-            for j in range(n - n % 4, n):
-                s0 += row[j] * force[j]
-            work[to + f] = (s0 + s1) + (s2 + s3)
+    for j in range(n):
+        force = work[vector + j]
+        if force != 0.0:
+            for f in range(mode.shape[0]):
+                if mode[f] == STUCK:
+                    work[to + f] += work[orr + f * n + j] * force
 
 
 @njit(**INNER)
