@@ -27,6 +27,7 @@ from rig_nodes.driveline.algebra import (
     noinline,
     places,
     rate_of,
+    short_loops,
     sum_at,
 )
 from rig_nodes.driveline.collocation import END, MEAN, NODES, WEIGHTS, elements_by_nodes, forces_by_nodes, put_sum, solve_nodes
@@ -193,6 +194,7 @@ def at_nodes(
 ) -> tuple[float, float, float, float, float, float]:
     """Return what :func:`beyond_line` does for a path over many short pieces, from one to another, by the torques at the nodes."""
     noinline()
+    short_loops()
     _, _, height, point, rise = line_here(tables, k, number)
     torque, last, first, now = height + rise * (path.x - point), twist_at(path, 1.0), tables.first[k], number
     r0 = i0 = r1 = i1 = mean = power = 0.0
@@ -239,6 +241,7 @@ def beyond_line(
         Change of the twist's rate over the part by a stiffness, per change of the twist [rad/Nm].
     """
     noinline()
+    short_loops()
     begin, end, height, point, rise = line_here(tables, k, number)
     torque, until, last = height + rise * (path.x - point), turning(path), twist_at(path, 1.0)
     r0 = i0 = r1 = i1 = mean = rest = here = 0.0
@@ -280,6 +283,7 @@ def beyond_line(
 def push_nodes(a: int, d: float, change: tuple[float, ...], sh: Floats, work: Floats, at: Places) -> None:
     """Change both z by a torque of shaft a, given by its shares in the eigenvectors."""
     noinline()
+    short_loops()
     n = sh.shape[1]
     for p in range(2):
         re, im, z, top = d * change[2 * p], d * change[2 * p + 1], at.z + 2 * p * n, at.nodes + p * 2 * n * n

@@ -257,6 +257,7 @@ def solve_wide(d: float, force: int, dforce: int, work: Floats, at: Places, n: i
 def solve_nodes(d: float, force: int, dforce: int, work: Floats, at: Places, n: int) -> None:
     """Set both z, and the change of the speeds over a part d and its mean, for the forces at two places of the work buffer."""
     noinline()
+    short_loops()
     if n >= WIDE:
         solve_wide(d, force, dforce, work, at, n)
     else:
@@ -284,6 +285,7 @@ def push_back(
     The ends of the rows of elements and shafts are at ``of``.
     """
     noinline()
+    short_loops()
     w, sh, kc = structure.w, structure.sh, structure.kc
     for a in range(sh.shape[0]):
         torque = kc[1, a] * sum_along(work, gain, sh, a, of[1]) + kc[0, a] * factor * sum_along(work, twist, sh, a, of[1])
@@ -325,6 +327,7 @@ def elements_by_nodes(w: Floats, mode: Ints, work: Floats, at: Places) -> None:
 def losses_by_nodes(d: float, structure: Structure, cap: Floats, loss: Floats, state: State) -> bool:
     """Set NEXT to the losses at the end of a part d, from its forces without them; return False where there is no solution."""
     noinline()
+    short_loops()
     w, mode, work, count = structure.w, state.mode, state.work, loss.shape[0]
     m, n = w.shape
     at = places(n, m, structure.sh.shape[0], count)
@@ -366,6 +369,7 @@ def losses_by_nodes(d: float, structure: Structure, cap: Floats, loss: Floats, s
 def squared(start: float, rows: Floats, a: int, work: Floats, z: int, ends: int) -> float:
     """Return the mean square over a part of a rate that is ``start`` at its beginning and changes by row a times the speeds."""
     noinline()
+    short_loops()
     n, total = rows.shape[1], 0.0
     re0, im0 = sum_along(work, z, rows, a, ends), sum_along(work, z + n, rows, a, ends)
     re1, im1 = sum_along(work, z + 2 * n, rows, a, ends), sum_along(work, z + 3 * n, rows, a, ends)

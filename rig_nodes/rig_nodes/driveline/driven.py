@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rig_nodes.base import INLINED, njit
-from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, places
+from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, places, short_loops
 from rig_nodes.driveline.inputs import SAME
 from rig_nodes.driveline.law_steps import jumped, settled_step_at
 from rig_nodes.driveline.laws import (
@@ -172,6 +172,7 @@ def driven_step(settled: int, bare: int, layout: Ints, h: float, t: float) -> in
     int
         0.
     """
+    short_loops()
     structure, loads, state, over_time = structure_at(layout), loads_at(layout), state_at(layout), over_time_at(layout)
     before, outcome = before_at(layout), outcome_at(layout)
     n, m, slots = state.v.shape[0], state.mode.shape[0], structure.sh.shape[0]
@@ -213,6 +214,7 @@ def driven_step(settled: int, bare: int, layout: Ints, h: float, t: float) -> in
 @njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
 def accelerate(model: Model, own: LawState, cap: Floats, q: Floats, state: State, accel: Floats) -> None:
     """Set `accel` to the accelerations (n,) at the end of a step, from all torques at that time; q is that of parts and inputs."""
+    short_loops()
     laws, w, sh, v = model.laws, model.structure.w, model.structure.sh, state.v
     n = v.shape[0]
     force, inverse, heavy = q.copy(), model.structure.minv.copy(), False

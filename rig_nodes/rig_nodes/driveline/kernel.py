@@ -48,6 +48,7 @@ from rig_nodes.driveline.algebra import (
     multiply,
     noinline,
     places,
+    short_loops,
     sum_at,
     sum_of,
     unslip,
@@ -521,6 +522,7 @@ def driveline_step(h: float, t: float, structure: Structure, loads: Loads, loss:
         Number of events.
     """
     noinline()
+    short_loops()
     w, cap, work, count = structure.w, loads.cap, state.work, state.count
     m = w.shape[0]
     at = places(state.v.shape[0], m, structure.sh.shape[0], loss.shape[0])

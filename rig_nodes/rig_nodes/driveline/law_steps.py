@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rig_nodes.base import ALLOCATES, INLINED, INNER, njit, types
-from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED, WORST, noinline, places
+from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED, WORST, noinline, places, short_loops
 from rig_nodes.driveline.bends import bend_inside, lets_go, longest_part
 from rig_nodes.driveline.bent_shafts import only_shafts, shaft_part
 from rig_nodes.driveline.calls import address_of, bare_step, call_of, step_types
@@ -75,6 +75,7 @@ def shafts_until(model: Model, given: Given, moving: Moving, h: float, done: flo
 def law_step(model: Model, given: Given, moving: Moving, h: float, t: float, done: float) -> bool:
     """Take what is left of a step of h from t like `driveline_step`, with laws; return False where a law was not met."""
     noinline()
+    short_loops()
     met = True
     state, n, slots = moving.state, moving.state.v.shape[0], model.structure.sh.shape[0]
     lag, turned = np.zeros(n), np.empty(n)
@@ -317,6 +318,7 @@ def settled_step(model: Model, given: Given, moving: Moving, h: float, t: float,
 
     It counts a step as capped at most once.
     """
+    short_loops()
     if moving.loss.shape[0] > 0 and fresh:
         settle(model, given, moving, 1e-6 * h, t)
     done = shafts_until(model, given, moving, h, 0.0) if only_shafts(model.laws, moving.loss) else 0.0
