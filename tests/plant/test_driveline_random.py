@@ -293,15 +293,26 @@ def test_two_hundred_random_trees_of_many_clutches_keep_the_laws():
         check_tree(seed)
 
 
-@pytest.mark.campaign
-@pytest.mark.parametrize("hundred", range(20))
-def test_two_thousand_random_drivelines(hundred):
-    runs, seed, wrong = 0, 10_000 * (hundred + 1), []
+def wrong_ones(seed, **how):
+    """Return what is wrong with a hundred random drivelines from a seed on."""
+    runs, wrong = 0, []
     while runs < 100:
         try:
-            runs += check(seed)
+            runs += check(seed, **how)
         except AssertionError as found:
             wrong.append(str(found))
             runs += 1
         seed += 1
-    assert not wrong, "\n".join(wrong)
+    return wrong
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("hundred", range(20))
+def test_two_thousand_random_drivelines(hundred):
+    assert not (wrong := wrong_ones(10_000 * (hundred + 1))), "\n".join(wrong)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("everything", [False, True])
+def test_two_hundred_random_drivelines_with_laws_over_two_quantities(everything):
+    assert not (wrong := wrong_ones(1000 + 500 * everything, everything=everything, over_two=True)), "\n".join(wrong)

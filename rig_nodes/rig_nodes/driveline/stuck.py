@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
     from rig_nodes.driveline.algebra import Places
 
-MANY, SURE = 16, 1e-8  # stuck elements from which factors are tried; least pivot over the largest, far above RANK
+MANY, SURE = 5, 1e-8  # stuck elements from which factors are tried; least pivot over the largest, far above RANK
 UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
 REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
 NUMBERS = 7  # work[7]: numbers that sets of stuck elements have had

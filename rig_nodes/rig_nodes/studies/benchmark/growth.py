@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 LENGTH, PART = 100, 10  # simulated time [s] of the long run and of each of its parts
-CLUTCHES = (1, 2, 4, 8, 16)
+CLUTCHES = (1, 2, 4, 8, 16, 32)
 MEMBERS, ROUNDS = 60, 3  # members of a sweep, and sweeps with each number of processes
 
 
