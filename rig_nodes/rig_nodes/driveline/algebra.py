@@ -108,7 +108,7 @@ class Places(NamedTuple):
     moment: int  # (n,) mean of it times the share of the time
     during: int  # (n,) mean force
     made: int  # (s, 2) stiffness and damping of each shaft for which `nodes` were made
-    bent: int  # (s, 9) of each shaft that follows a table, by driveline.bent_shafts
+    bent: int  # (s, 10) of each shaft that follows a table, by driveline.bent_shafts
     w_ends: int  # (m, 2) first speed on which each element acts, and the one behind the last
     sh_ends: int  # (s, 2) the same of each shaft
     band: int  # (n,) first column of each row of the factors that `nodes` then has; the first is -1 where they are inverses
@@ -138,7 +138,7 @@ def places(n: int, m: int, s: int, k: int) -> Places:
     own = n if s > 0 else 0
     z = nodes + 8 * own * own
     made = z + 8 * own
-    w_ends = made + 11 * s
+    w_ends = made + 12 * s
     band = w_ends + 2 * (m + s)
     ranges = band + own
     rho = ranges + 1 + 2 * n

@@ -51,9 +51,9 @@ NEAR = 1e-9  # share of a part: accuracy of the time at which a bend is passed, 
 LEFT = 2e-7  # share of its rate that a twist may gain or lose in a part because of what the cubics leave out
 MANY, FINE = 3, 4e-6  # pieces in a part from which on the nodes alone may count; share of its rate that a twist then may miss
 # rows of `bent`: four for the force beyond the line in the eigenvectors of the method, its mean, the impulse per rate that makes up
-# for what the cubics leave out of it, the torque of the table at the start, the number of its piece there, and the acceleration of
-# the twist by a torque
-BEYOND, MADE_UP, BEGUN, PIECE, MOBILITY = 4, 5, 6, 7, 8
+# for what the cubics leave out of it, the torque of the table at the start, the number of its piece there, the acceleration of the
+# twist by a torque, and 1 where the twist keeps to the line of the matrices
+BEYOND, MADE_UP, BEGUN, PIECE, MOBILITY, STRAIGHT = 4, 5, 6, 7, 8, 9
 
 # Nodes as shares of a part; the change of the speeds at share x of it, by the powers 1 to 4 of x (rows), from the real and
 # imaginary parts of both z; and cubics (from their constant to the highest power), the real and imaginary parts of those of both
@@ -302,22 +302,39 @@ def push_nodes(a: int, d: float, change: tuple[float, ...], sh: Floats, work: Fl
 
 
 @njit(**INLINED)
-def settles(d: float, kc: Floats, laws: Laws, sh: Floats, twist: Floats, work: Floats, at: Places) -> bool:
-    """Find both z with the tables of all shafts; return False where the part is too long for that."""
-    before = 0.0
+def keep_straight(d: float, kc: Floats, laws: Laws, sh: Floats, twist: Floats, work: Floats, at: Places) -> bool:
+    """Return whether all twists keep to the lines of the matrices, so that both z are found already."""
+    all_straight = True
     for k in range(laws.kind.shape[0]):
-        a, n = laws.slot[k], sh.shape[1]
-        mine, mobility = at.bent + 9 * a, 0.0
-        for i in range(n):
-            mobility += sh[a, i] * sum_at(work, at.p + i * n, sh, a)
-        work[mine + MOBILITY] = mobility
+        a = laws.slot[k]
+        mine, path = at.bent + 10 * a, path_of(a, d, sh, twist, work, at)
+        begin, end, _, _, rise = line_here(laws.tables, k, int(work[mine + PIECE]))
+        one_way = path.rate * rate_at(path, 1.0) >= 0.0
+        straight = one_way and rise == kc[0, a] and begin <= twist_at(path, 1.0) <= end
+        work[mine + STRAIGHT] = 1.0 if straight else 0.0
+        all_straight = all_straight and straight
         for row in range(BEGUN):
             work[mine + row] = 0.0
+    return all_straight
+
+
+@njit(**INLINED)
+def settles(d: float, kc: Floats, laws: Laws, sh: Floats, twist: Floats, work: Floats, at: Places) -> bool:
+    """Find both z with the tables of all shafts, and what is made of them; return False where the part is too long for that."""
+    if keep_straight(d, kc, laws, sh, twist, work, at):
+        return True
+    before, n = 0.0, sh.shape[1]
+    for k in range(laws.kind.shape[0]):
+        a = laws.slot[k]
+        mine, mobility = at.bent + 10 * a, 0.0
+        for i in range(n):
+            mobility += sh[a, i] * sum_at(work, at.p + i * n, sh, a)
+        work[mine + MOBILITY], work[mine + STRAIGHT] = mobility, 0.0
     for _ in range(PASSES):
         worst = missed = 0.0
         for k in range(laws.kind.shape[0]):
             a = laws.slot[k]
-            mine = at.bent + 9 * a
+            mine = at.bent + 10 * a
             path, light = path_of(a, d, sh, twist, work, at), d * d * work[mine + MOBILITY]
             found = beyond_line(laws.tables, k, int(work[mine + PIECE]), kc[0, a], path, light)
             change = (found[0] - work[mine], found[1] - work[mine + 1], found[2] - work[mine + 2], found[3] - work[mine + 3])
@@ -330,6 +347,8 @@ def settles(d: float, kc: Floats, laws: Laws, sh: Floats, twist: Floats, work: F
                 work[mine + row] = found[row]
         # each pass changes less than the last one by the same factor
         if worst <= CLOSE or worst * worst <= CLOSE * before:
+            put_sum(END, 1.0, at.dv, work, at, n)
+            put_sum(MEAN, 1.0, at.mean, work, at, n)
             return missed <= LEFT
         if 0.0 < before <= worst:
             return False
@@ -371,7 +390,7 @@ def start_shafts(structure: Structure, laws: Laws, state: State, work: Floats, a
             mantissa, exponent = math.frexp(rise)
             kc[0, a] = math.ldexp(math.floor(LINES * mantissa + 0.5) / LINES, exponent)
         kc[1, a] = laws.damping[k] if laws.gap[k] == 0.0 or abs(x) > laws.gap[k] else 0.0
-        work[at.bent + 9 * a + BEGUN], work[at.bent + 9 * a + PIECE] = height + rise * (x - point), number
+        work[at.bent + 10 * a + BEGUN], work[at.bent + 10 * a + PIECE] = height + rise * (x - point), number
     same = True
     for a in range(kc.shape[1]):
         same = same and work[at.made + 2 * a] == kc[0, a] and work[at.made + 2 * a + 1] == kc[1, a]
@@ -387,16 +406,18 @@ def ends_well(d: float, kc: Floats, laws: Laws, sh: Floats, twist: Floats, work:
     n = sh.shape[1]
     for k in range(laws.kind.shape[0]):
         a = laws.slot[k]
-        mine, rate, gap = at.bent + 9 * a, work[at.rate + a], laws.gap[k]
+        mine, rate, gap = at.bent + 10 * a, work[at.rate + a], laws.gap[k]
         turn = d * (rate + sum_at(work, at.mean, sh, a))
-        torque, final = work[mine + BEGUN], value(laws.tables, k, twist[a] + turn)
-        last = rate + sum_at(work, at.dv, sh, a)
-        more = final - torque - kc[0, a] * turn
-        for j in range(n):
-            work[at.during + j] -= sh[a, j] * work[mine + BEYOND]
-            work[at.dforce + j] -= sh[a, j] * more
-        path = path_of(a, d, sh, twist, work, at)
+        torque = work[mine + BEGUN]
+        final = torque + kc[0, a] * turn
+        if work[mine + STRAIGHT] == 0.0:
+            onto = value(laws.tables, k, twist[a] + turn)
+            for j in range(n):
+                work[at.during + j] -= sh[a, j] * work[mine + BEYOND]
+                work[at.dforce + j] -= sh[a, j] * (onto - final)
+            final = onto
         if gap > 0.0 and laws.damping[k] > 0.0:
+            path, last = path_of(a, d, sh, twist, work, at), rate + sum_at(work, at.dv, sh, a)
             middle, side = twist_at(path, turning(path)), 1.0 if twist[a] > 0.0 else -1.0
             nearest = min(side * middle, side * (twist[a] + turn))
             if kc[1, a] == 0.0:
@@ -438,7 +459,7 @@ def shaft_part(h: float, done: float, whole: bool, structure: Structure, laws: L
     start_forces(done / h, structure, loads, state, at)
     for k in range(laws.kind.shape[0]):
         a = laws.slot[k]
-        more = work[at.bent + 9 * a + BEGUN] - kc[0, a] * state.twist[a]
+        more = work[at.bent + 10 * a + BEGUN] - kc[0, a] * state.twist[a]
         for j in range(n):
             work[at.force + j] -= sh[a, j] * more
     answer_forces(state.mode, n, work, at)
@@ -457,8 +478,6 @@ def shaft_part(h: float, done: float, whole: bool, structure: Structure, laws: L
         if d <= shortest:
             return done
         d *= 0.5
-    put_sum(END, 1.0, at.dv, work, at, n)
-    put_sum(MEAN, 1.0, at.mean, work, at, n)
     forces_by_nodes(d, structure, cap, work, at)
     if not ends_well(d, kc, laws, sh, state.twist, work, at):
         return done
