@@ -14,6 +14,7 @@ from pathlib import Path
 
 import can
 import pytest
+from can.io import mf4
 
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli.main import main
@@ -64,6 +65,8 @@ def test_the_bus_is_on_loopback_and_on_no_other_network():
 
 @pytest.mark.parametrize("ending", ["asc", "blf", "log", "trc", "csv", "mf4"])
 def test_a_log_of_the_bus_has_the_times_of_arrival_and_a_channel(ending, tmp_path):
+    if ending == "mf4" and mf4.asammdf is None:
+        pytest.skip("asammdf of the lock file does not run with numpy 1.26")
     sender, bus = (open_bus(GROUP, "udp_multicast", "test", port=PORT) for _ in range(2))
     began = time.time()
     try:

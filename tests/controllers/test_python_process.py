@@ -71,9 +71,9 @@ def failed(plug):
         ("os.kill(os.getpid(), 35)", "the controller's process was ended by signal 35 (real-time signal 1)"),
         ("os.kill(os.getpid(), 32)", "the controller's process was ended by signal 32"),
         ("os.killpg(0, signal.SIGKILL)", "the controller's process was ended by SIGKILL (killed)"),
-        ("os.closerange(0, 256)", "the controller has closed or changed the rig's line to it"),
+        ("os.closerange(0, 1024)", "the controller has closed or changed the rig's line to it"),
         (
-            "[os.write(fd, b'garbage') for fd in range(3, 64) if os.path.exists(f'/proc/self/fd/{fd}')]",
+            "[os.write(fd, b'garbage') for fd in range(3, 1024) if os.path.exists(f'/proc/self/fd/{fd}')]",
             "the controller wrote 7 bytes of its own into the rig's line to it",
         ),
         ("raise GeneratorExit", "step failed: mine.py line 10: GeneratorExit"),

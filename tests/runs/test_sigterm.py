@@ -102,8 +102,15 @@ def test_simulate_leaves_a_whole_bag_and_its_report(tmp_path, start):
 )
 def test_a_campaign_ends_with_its_processes_and_leaves_no_half_file(tmp_path, start, arguments, last):
     verb = start(*arguments)
-    # its session also has the server of the worker processes, their tracker and the workers; a procedure without --jobs has none
-    verb.until(lambda: len(verb.session()) > 3 or any(tmp_path.rglob("*.mcap")), "its work")
+    journal = tmp_path / "sweep" / "members.jsonl"
+
+    def works():
+        if arguments[0] == "sweep":
+            return journal.exists() and journal.stat().st_size > 0
+        # its session also has the server of the workers, their tracker and the workers; a procedure without --jobs has none
+        return len(verb.session()) > 3 or any(tmp_path.rglob("*.mcap"))
+
+    verb.until(works, "its work")
     code, output = verb.terminate()
     assert code == 143 and "Traceback" not in output, output
     assert last in output
