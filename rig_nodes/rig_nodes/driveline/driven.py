@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig_nodes.base import INLINED, njit
-from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, places, short_loops
+from rig_nodes.base import INLINED, INNER, njit
+from rig_nodes.driveline.algebra import HI0, KIN0, LAM, LO0, TAU, VISC, noinline, places, short_loops
+from rig_nodes.driveline.arrays import address, floats
 from rig_nodes.driveline.inputs import SAME
 from rig_nodes.driveline.law_steps import jumped, settled_step_at
 from rig_nodes.driveline.laws import (
@@ -41,8 +42,6 @@ from rig_nodes.driveline.record import (
     KEPT,
     LAWS,
     before_at,
-    begin_of,
-    floats,
     laws_at,
     loads_at,
     loss_at,
@@ -172,15 +171,29 @@ def driven_step(settled: int, bare: int, layout: Ints, h: float, t: float) -> in
     int
         0.
     """
+    n = layout[0]
+    memory = np.empty(5 * n + 7 * layout[1] + 3 * layout[6] + 2 * n * n)
+    return driven_parts(settled, bare, layout, h, t, address(memory), memory)
+
+
+@njit(**INNER)
+def driven_parts(settled: int, bare: int, layout: Ints, h: float, t: float, room: int, _memory: Floats) -> int:
+    """Do what :func:`driven_step` does with room at an address, which ``_memory`` keeps."""
+    noinline()
     short_loops()
     structure, loads, state, over_time = structure_at(layout), loads_at(layout), state_at(layout), over_time_at(layout)
     before, outcome = before_at(layout), outcome_at(layout)
     n, m, slots = state.v.shape[0], state.mode.shape[0], structure.sh.shape[0]
     q, cap = loads.q, loads.cap
-    model = Model(bare, structure, floats(begin_of(layout) + layout[AT.mass], n, n), laws_at(layout))
+    model = Model(bare, structure, floats(address(layout) + layout[AT.mass], n, n), laws_at(layout))
     moving = Moving(loss_at(layout), state, own_at(layout))
-    given, turned = Given(Loads(np.empty((2, n)), np.empty((7, m))), np.zeros((3, over_time.default.shape[0]))), np.empty(n)
-    qq, cc, by = given.loads.q, given.loads.cap, np.empty((2, n))
+    inputs = over_time.default.shape[0]
+    qq, by, turned, rest = floats(room, 2, n), floats(room + 16 * n, 2, n), floats(room + 32 * n, n), room + 40 * n
+    cc, factors, rest = floats(rest, 7, m), floats(rest + 56 * m, 3, inputs), rest + 56 * m + 24 * inputs
+    held, inverse = floats(rest, n, n), floats(rest + 8 * n * n, n, n)
+    given = Given(Loads(qq, cc), factors)
+    for k in range(inputs):
+        factors[2, k] = 0.0
     at = places(n, m, slots, moving.loss.shape[0])
     for k in range(moving.loss.shape[0]):
         for row in range(VISC):
@@ -207,22 +220,30 @@ def driven_step(settled: int, bare: int, layout: Ints, h: float, t: float) -> in
             outcome.part_work[0] += work_over(by, j, state.twist[slots + j] - turned[j], state.work[at.lag + j])
         done = end
     put_losses(moving.loss, cap, int(1), int(LAST))
-    accelerate(model, moving.own, cap, before.q, state, outcome.accel)
+    put(turned, before.q)
+    accelerate(model, moving.own, cap, turned, state, held, inverse, outcome.accel)
     return int(0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True, forceinline=False)
-def accelerate(model: Model, own: LawState, cap: Floats, q: Floats, state: State, accel: Floats) -> None:
-    """Set `accel` to the accelerations (n,) at the end of a step, from all torques at that time; q is that of parts and inputs."""
+@njit(**INNER)
+def accelerate(
+    model: Model, own: LawState, cap: Floats, force: Floats, state: State, held: Floats, inverse: Floats, accel: Floats
+) -> None:
+    """Set `accel` to the accelerations (n,) at the end of a step, from all torques at that time.
+
+    ``force`` (n,) has those of parts and inputs, and is changed; ``held`` and ``inverse`` are room for (n, n) numbers.
+    """
+    noinline()
     short_loops()
     laws, w, sh, v = model.laws, model.structure.w, model.structure.sh, state.v
     n = v.shape[0]
-    force, inverse, heavy = q.copy(), model.structure.minv.copy(), False
+    heavy = False
+    put(inverse, model.structure.minv)
+    put(held, model.mass)
     for f in range(w.shape[0]):
         torque = state.el[LAM, f] + cap[VISC, f] * product(w[f], v)
         for j in range(n):
             force[j] -= w[f, j] * torque
-    held = model.mass.copy()
     straight = sh.shape[0]  # number of rows of shafts, which come before those of torques
     for k in range(laws.kind.shape[0]):
         push = 0.0

@@ -19,12 +19,13 @@ import numpy as np
 
 from rig_nodes.base import ALLOCATES, INLINED, INNER, njit, types
 from rig_nodes.driveline.algebra import FIRST, HI0, IMPULSE, KIN0, LO0, N_CAPPED, WORST, noinline, places, short_loops
+from rig_nodes.driveline.arrays import address, borrowed, floats, whole
 from rig_nodes.driveline.bends import bend_inside, lets_go, longest_part
 from rig_nodes.driveline.bent_shafts import only_shafts, shaft_part
 from rig_nodes.driveline.calls import address_of, bare_step, call_of, step_types
 from rig_nodes.driveline.joint import JAMMED
 from rig_nodes.driveline.laws import GEARING, MOTION, SHAFT, Given, Laws, LawState, Model, Moving, law_state, laws_of
-from rig_nodes.driveline.lines import Lines, Part, expect, leave_lines, make_lines, new_lines, worst_law
+from rig_nodes.driveline.lines import Lines, Part, expect, leave_lines, make_lines, worst_law
 from rig_nodes.driveline.losses import LAST
 from rig_nodes.driveline.motion import (
     Turned,
@@ -71,14 +72,86 @@ def shafts_until(model: Model, given: Given, moving: Moving, h: float, done: flo
     return shaft_part(h, done, False, model.structure, model.laws, given.loads, moving)
 
 
+class Room(NamedTuple):
+    """What the parts of a step need beside the driveline.
+
+    Parameters
+    ----------
+    loss : (k, loss_width(n, m)) array
+        Losses by torque at the start of a part.
+    before : State
+        State there.
+    lines : Lines
+        Lines of the laws.
+    pushes, gains : (2, n) arrays
+        Forces without those of motions, and accelerations of prescribed speeds, at both ends.
+    moved, lag, turned : (n,) arrays
+        Which speeds are prescribed; integral of the speeds times the share of the step, and their integrals before a part [rad].
+    mass, inverse : (n, n) arrays
+        Mass matrix with the inertias of laws, and its inverse with the prescribed speeds.
+    """
+
+    loss: Floats
+    before: State
+    lines: Lines
+    pushes: Floats
+    gains: Floats
+    moved: Floats
+    lag: Floats
+    turned: Floats
+    mass: Floats
+    inverse: Floats
+
+
+@njit(**INNER)
+def size_of(n: int, m: int, slots: int, laws: int, loss: int) -> int:
+    """Return the numbers of a room for n speeds, m elements, rows of shafts, and laws; ``loss`` is the size of the losses."""
+    return loss + 2 * n + (slots + n) + 6 * m + 2 * slots + 3 + 7 * laws + 2 * n + 7 * m + 2 * slots + m * n + 7 * n + 3 * n * n
+
+
+@njit(**INLINED)
+def room_at(o: int, state: State, loss: Floats, laws: int) -> Room:
+    """Return a room at an address, with :func:`size_of` numbers."""
+    n, m, slots, (k, width) = state.v.shape[0], state.mode.shape[0], state.shaft.shape[1], loss.shape
+    losses, o = floats(o, k, width), o + 8 * k * width
+    v, e_in, o = floats(o, n), floats(o + 8 * n, n), o + 16 * n
+    twist, o = floats(o, state.twist.shape[0]), o + 8 * state.twist.shape[0]
+    mode, el, o = whole(o, m), floats(o + 8 * m, 4, m), o + 40 * m
+    shaft, count, o = floats(o, 2, slots), whole(o + 16 * slots, 3), o + 16 * slots + 24
+    before = State(v, twist, mode, el, shaft, e_in, state.events, count, state.work)
+    row = 8 * laws
+    start, way, slope = floats(o, laws), floats(o + row, laws), floats(o + 2 * row, laws)
+    torque, other, push = floats(o + 3 * row, laws), floats(o + 4 * row, laws), floats(o + 5 * row, 2, laws)
+    o += 7 * row
+    loads, o = Loads(floats(o, 2, n), floats(o + 16 * n, 7, m)), o + 16 * n + 56 * m
+    kc, w, o = floats(o, 2, slots), floats(o + 16 * slots, m, n), o + 16 * slots + 8 * m * n
+    held, mass, inverse, o = floats(o, n, n), floats(o + 8 * n * n, n, n), floats(o + 16 * n * n, n, n), o + 24 * n * n
+    lines = Lines(start, way, slope, torque, other, push, loads, kc, held, w)
+    moved, lag, turned = floats(o + 32 * n, n), floats(o + 40 * n, n), floats(o + 48 * n, n)
+    return Room(losses, before, lines, floats(o, 2, n), floats(o + 16 * n, 2, n), moved, lag, turned, mass, inverse)
+
+
 @njit(**ALLOCATES)
 def law_step(model: Model, given: Given, moving: Moving, h: float, t: float, done: float) -> bool:
     """Take what is left of a step of h from t like `driveline_step`, with laws; return False where a law was not met."""
     noinline()
+    model, given, moving = borrowed(model), borrowed(given), borrowed(moving)
+    state, loss, laws = moving.state, moving.loss, model.laws.kind.shape[0]
+    memory = np.empty(size_of(state.v.shape[0], state.mode.shape[0], state.shaft.shape[1], laws, loss.size))
+    room = room_at(address(memory), state, loss, laws)
+    return take_parts(model, given, moving, room, h, t, done, memory)
+
+
+@njit(**INNER)
+def take_parts(model: Model, given: Given, moving: Moving, room: Room, h: float, t: float, done: float, _memory: Floats) -> bool:
+    """Do what :func:`law_step` does in a room; ``_memory`` keeps what it is made of."""
+    noinline()
     short_loops()
     met = True
     state, n, slots = moving.state, moving.state.v.shape[0], model.structure.sh.shape[0]
-    lag, turned = np.zeros(n), np.empty(n)
+    lag, turned = room.lag, room.turned
+    for j in range(n):
+        lag[j] = 0.0
     at = places(n, state.mode.shape[0], slots, moving.loss.shape[0])
     size, cuts, most, failed = h, 0, 6 * moving.state.mode.shape[0] + 12, 0
     # at the start of the step the shafts alone have been tried already
@@ -103,7 +176,8 @@ def law_step(model: Model, given: Given, moving: Moving, h: float, t: float, don
         last = not met or d <= h * 0.5**HALVINGS or failed >= FAILURES
         for j in range(n):
             turned[j] = state.twist[slots + j]
-        reached = try_step(model, given, moving, Part(d, t + done, done / h, end), last, cuts < most and d > 1e-9 * h)
+        part = Part(d, t + done, done / h, end)
+        reached = try_step(model, given, moving, part, room, last, cuts < most and d > 1e-9 * h)
         if 0.0 < reached < d:
             size = reached
             cuts += 1
@@ -202,8 +276,8 @@ def leave_motions(
         own.work[0] += work_of(mass, structure.kc, before, state, twist0, others)
 
 
-@njit(**ALLOCATES)
-def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool, cut: bool) -> float:
+@njit(**INNER)
+def try_step(model: Model, given: Given, moving: Moving, part: Part, room: Room, keep: bool, cut: bool) -> float:
     """Take a part of a step and return its length d if the laws are met.
 
     Otherwise it returns 0, and nothing has changed unless keep is true. With cut true it also returns less than d, and nothing has
@@ -213,35 +287,54 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
     """
     laws, loss, state, d = model.laws, moving.loss, moving.state, part.d
     sh, work, n = model.structure.sh, moving.state.work, moving.state.v.shape[0]
-    loss0, before = loss.copy(), copied(state)
-    lines = new_lines(laws, model.structure)
+    at = places(n, state.mode.shape[0], sh.shape[0], loss.shape[0])
+    before, lines, moved, gains, pushes, mass, inverse = (
+        room.before,
+        room.lines,
+        room.moved,
+        room.gains,
+        room.lines.loads.q,
+        model.mass,
+        model.structure.minv,
+    )
+    put(room.loss, loss)
+    restore(before, state)
+    put(lines.w, model.structure.w)
+    for k in range(laws.kind.shape[0]):
+        lines.slope[k] = lines.torque[k] = lines.other[k] = 0.0
     heavy, driven = expect(part, laws, given.factors, moving.own, before.v, lines)
-    moved, gains, pushes, mass, inverse = np.zeros(0), np.zeros((2, 0)), lines.loads.q, model.mass, model.structure.minv
     if driven:
-        moved, gains, pushes, inverse = np.zeros(n), np.zeros((2, n)), np.empty((2, n)), np.empty((n, n))
+        pushes, inverse = room.pushes, room.inverse
+        for j in range(n):
+            moved[j] = gains[0, j] = gains[1, j] = 0.0
     met, worst = False, int(-1)
     for attempt in range(TRIES):
         if attempt > 0:
-            put(loss, loss0)
+            put(loss, room.loss)
             restore(state, before)
         make_lines(part, attempt, heavy, model, given, moving, lines)
         if driven:
             put(pushes, lines.loads.q)
             if heavy:
-                mass = lines.held.copy()
+                mass = room.mass
+                put(mass, lines.held)
             if prescribe(part, laws, given.factors, before.v, lines, moved, gains):
                 work[0] = -1.0
             if not heavy and attempt == 0:
                 hold(mass, moved, inverse)
             drive(mass, moved, gains, lines.loads.q)
         if heavy:
-            inverse = np.empty((n, n))
+            inverse = room.inverse
             if driven:
                 hold(lines.held, moved, inverse)
             else:
                 invert(lines.held, inverse)
             work[0] = -1.0
-        work[1] = -1.0
+        same = not (heavy or driven)
+        for a in range(sh.shape[0]):
+            same = same and work[at.made + 2 * a] == lines.kc[0, a] and work[at.made + 2 * a + 1] == lines.kc[1, a]
+        if not same:
+            work[1] = -1.0
         bare_step(model.bare, d, part.t, Structure(inverse, lines.w, sh, lines.kc), lines.loads, loss, state)
         worst = worst_law(part, model, given, moving, before, lines)
         met = worst < 0
@@ -259,7 +352,7 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, keep: bool,
         since = at_bend
         inside = inside or bends
     if (met and cut and inside and (driven or bends)) or not (met or keep):
-        put(loss, loss0)
+        put(loss, room.loss)
         restore(state, before)
         return since if met else 0.0
     if driven:
@@ -319,6 +412,7 @@ def settled_step(model: Model, given: Given, moving: Moving, h: float, t: float,
     It counts a step as capped at most once.
     """
     short_loops()
+    model, given, moving = borrowed(model), borrowed(given), borrowed(moving)
     if moving.loss.shape[0] > 0 and fresh:
         settle(model, given, moving, 1e-6 * h, t)
     done = shafts_until(model, given, moving, h, 0.0) if only_shafts(model.laws, moving.loss) else 0.0
@@ -369,6 +463,7 @@ class LawRows(NamedTuple):
 @njit(cache=True, error_model="numpy", nogil=True)
 def run_laws(settled: int, model: Model, given: Given, moving: Moving, t: Floats, h: Floats, rows: Rows, law_rows: LawRows) -> None:
     """Take a step of each length h from each time t and record the state after it; settled is an address."""
+    given, moving, rows, law_rows = borrowed(given), borrowed(moving), borrowed(rows), borrowed(law_rows)
     q, cap, own = given.loads.q, given.loads.cap, moving.own
     for i in range(q.shape[0]):
         fresh = moving.loss.shape[0] > 0 and (i == 0 or jumped(q[i], q[i - 1, 1], cap[i], cap[i - 1]))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base import ALLOCATES, INLINED, INNER, njit
+from rig_nodes.base import INLINED, INNER, njit
 from rig_nodes.driveline.algebra import E_FRIC, E_SHAFT, E_VISC, HI0, IMPULSE, KIN0, LAM, LO0, TAU, VISC, lin, noinline
 from rig_nodes.driveline.contacts import contact_damping, sliding_heat, spring_with_friction
 from rig_nodes.driveline.heat import heat_error, heat_line
@@ -44,7 +44,7 @@ from rig_nodes.driveline.variators import own_speed, ratio_error, ratio_line
 if TYPE_CHECKING:
     from rig_nodes.base import Floats
     from rig_nodes.driveline.laws import Given, LawState, Model, Moving
-    from rig_nodes.driveline.state import State, Structure
+    from rig_nodes.driveline.state import State
 
 CLOSE = 1e-11  # relative tolerance of torques between the lines of a step and those for its final change of the arguments
 
@@ -100,20 +100,6 @@ class Lines(NamedTuple):
     kc: Floats
     held: Floats
     w: Floats
-
-
-@njit(**ALLOCATES)
-def new_lines(laws: Laws, structure: Structure) -> Lines:
-    """Return room for the lines of the laws of a driveline."""
-    (m, n), s, rows, w = structure.w.shape, structure.sh.shape[0], laws.kind.shape[0], structure.w
-    for k in range(rows):
-        if laws.kind[k] == GEARING:
-            w = structure.w.copy()
-            break
-    loads = Loads(np.empty((2, n)), np.empty((7, m)))
-    zeros = np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros(rows)
-    push = np.empty((2, rows))
-    return Lines(zeros[0], zeros[1], zeros[2], zeros[3], zeros[4], push, loads, np.empty((2, s)), np.empty((n, n)), w)
 
 
 @njit(**INNER)

@@ -15,22 +15,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rig_nodes.base import ALLOCATES, INLINED, cgutils, intrinsic, njit, types
+from rig_nodes.base import ALLOCATES, INLINED, njit
 from rig_nodes.driveline.algebra import places
+from rig_nodes.driveline.arrays import address, floats, whole
 from rig_nodes.driveline.laws import Laws, LawState
 from rig_nodes.driveline.losses import WEIGHTS
 from rig_nodes.driveline.state import Loads, State, Structure
 from rig_nodes.driveline.tables import Tables
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from llvmlite import ir
-    from numba.core.base import BaseContext
-    from numba.core.typing import BaseContext as TypingContext
-    from numba.core.typing import Signature
-
-    from rig_nodes.base import Compiled, Floats, Ints
+    from rig_nodes.base import Floats, Ints
 
 # Names of the record's arrays. Of the laws, with their tables:
 LAWS = (*Laws._fields[:-1], "first_point", "x", "y", "ends", "period")
@@ -179,43 +173,10 @@ def layout_of(dtype: np.dtype) -> np.ndarray:
     return np.array([*sizes, *(places[name] - places["layout"] for name in FIELDS)], np.int64)
 
 
-def _arrays_of(number: str) -> Compiled:
-    """Return the intrinsic that makes an array of numbers of this type at an address, with one or two sizes."""
-
-    @intrinsic
-    def at(_context: TypingContext, address: types.Type, *sizes: types.Type) -> tuple[Signature, Callable[..., ir.Value]]:
-        made = types.Array(getattr(types, number), len(sizes), "C")
-
-        def build(context: BaseContext, builder: ir.IRBuilder, _signature: Signature, given: Sequence[ir.Value]) -> ir.Value:
-            array = context.make_array(made)(context, builder)
-            item = size = context.get_constant(types.intp, 8)
-            strides: list[ir.Value] = []
-            lengths = cgutils.unpack_tuple(builder, given[1])
-            for length in reversed(lengths):
-                strides.insert(0, size)
-                size = builder.mul(size, length)
-            data = builder.inttoptr(given[0], array.data.type)
-            context.populate_array(array, data=data, shape=lengths, strides=strides, itemsize=item, meminfo=None)
-            return array._getvalue()
-
-        return made(address, types.StarArgTuple.from_types(sizes)), build
-
-    return at
-
-
-floats, whole = _arrays_of("float64"), _arrays_of("int64")
-
-
-@njit(**INLINED)
-def begin_of(layout: Ints) -> int:
-    """Return the address from which the places of a layout count: its own."""
-    return int(np.int64(layout.ctypes.data))
-
-
 @njit(**INLINED)
 def structure_at(layout: Ints) -> Structure:
     """Return the structure of a driveline's record."""
-    base, n, m, slots = begin_of(layout), layout[0], layout[1], layout[2]
+    base, n, m, slots = address(layout), layout[0], layout[1], layout[2]
     return Structure(
         floats(base + layout[AT.minv], n, n),
         floats(base + layout[AT.w], m, n),
@@ -227,20 +188,20 @@ def structure_at(layout: Ints) -> Structure:
 @njit(**INLINED)
 def loads_at(layout: Ints) -> Loads:
     """Return the loads of a driveline's record."""
-    base = begin_of(layout)
+    base = address(layout)
     return Loads(floats(base + layout[AT.q], 2, layout[0]), floats(base + layout[AT.cap], 7, layout[1]))
 
 
 @njit(**ALLOCATES)  # without references counted numba returns only arrays that were given
 def loss_at(layout: Ints) -> Floats:
     """Return the losses by torque of a driveline's record."""
-    return floats(begin_of(layout) + layout[AT.loss], layout[3], WEIGHTS + layout[1] + layout[0])
+    return floats(address(layout) + layout[AT.loss], layout[3], WEIGHTS + layout[1] + layout[0])
 
 
 @njit(**INLINED)
 def state_at(layout: Ints) -> State:
     """Return the state of a driveline's record."""
-    base, n, m, slots = begin_of(layout), layout[0], layout[1], layout[2]
+    base, n, m, slots = address(layout), layout[0], layout[1], layout[2]
     return State(
         floats(base + layout[AT.v], n),
         floats(base + layout[AT.twist], slots + n),
@@ -257,7 +218,7 @@ def state_at(layout: Ints) -> State:
 @njit(**INLINED)
 def laws_at(layout: Ints) -> Laws:
     """Return the laws of a driveline's record; the lengths of points and values are not right, as nothing reads them."""
-    base, n, laws = begin_of(layout), layout[0], layout[4]
+    base, n, laws = address(layout), layout[0], layout[4]
     return Laws(
         whole(base + layout[AT.kind], laws),
         whole(base + layout[AT.by], laws),
@@ -284,7 +245,7 @@ def laws_at(layout: Ints) -> Laws:
 @njit(**INLINED)
 def own_at(layout: Ints) -> LawState:
     """Return the state of the laws in a driveline's record."""
-    base, laws = begin_of(layout), layout[4]
+    base, laws = address(layout), layout[4]
     return LawState(
         floats(base + layout[AT.at], laws),
         floats(base + layout[AT.law_torque], laws),
@@ -297,7 +258,7 @@ def own_at(layout: Ints) -> LawState:
 @njit(**INLINED)
 def over_time_at(layout: Ints) -> OverTime:
     """Return the inputs over time of a driveline's record; the lengths of points and values are not right."""
-    base, inputs = begin_of(layout), layout[5]
+    base, inputs = address(layout), layout[5]
     return OverTime(
         whole(base + layout[AT.given_kind], inputs),
         whole(base + layout[AT.given_place], inputs),
@@ -317,7 +278,7 @@ def over_time_at(layout: Ints) -> OverTime:
 @njit(**INLINED)
 def before_at(layout: Ints) -> Before:
     """Return what a driveline's record has of the end of the last step."""
-    base = begin_of(layout)
+    base = address(layout)
     return Before(
         floats(base + layout[AT.q_before], layout[0]),
         floats(base + layout[AT.cap_before], 7, layout[1]),
@@ -328,14 +289,14 @@ def before_at(layout: Ints) -> Before:
 @njit(**INLINED)
 def outcome_at(layout: Ints) -> Outcome:
     """Return what a rig reads of a driveline's record after a step."""
-    base = begin_of(layout)
+    base = address(layout)
     return Outcome(floats(base + layout[AT.part_work], 1), floats(base + layout[AT.accel], layout[0]))
 
 
 @njit(**INLINED)
 def room_at(layout: Ints) -> Room:
     """Return the room of a quick step in a driveline's record."""
-    base, n, m, slots = begin_of(layout), layout[0], layout[1], layout[2]
+    base, n, m, slots = address(layout), layout[0], layout[1], layout[2]
     return Room(
         floats(base + layout[AT.made], 3),
         floats(base + layout[AT.q_now], 2, n),

@@ -17,6 +17,7 @@ import numpy as np
 
 from rig_nodes.base import RigError, brief, njit
 from rig_nodes.driveline import algebra
+from rig_nodes.driveline.arrays import borrowed
 from rig_nodes.driveline.calls import bare_address, bare_step
 from rig_nodes.driveline.described import is_number
 from rig_nodes.driveline.inputs import SAME, Input, Signal, step_ends
@@ -48,6 +49,7 @@ Controller = Callable[[Moment], Mapping[str, float] | None]
 @njit(cache=True, error_model="numpy", nogil=True)
 def _run_steps(bare: int, structure: Structure, loads: Loads, loss: Floats, state: State, t: Floats, h: Floats, rows: Rows) -> None:
     """Take a step of each length h from each time t and record the state after it; ``bare`` is an address."""
+    structure, loads, loss, state, rows = borrowed(structure), borrowed(loads), borrowed(loss), borrowed(state), borrowed(rows)
     for i in range(loads.q.shape[0]):
         bare_step(bare, h[i], t[i], structure, Loads(loads.q[i], loads.cap[i]), loss, state)
         put_row(rows, i, state)
