@@ -78,6 +78,7 @@ from rig_nodes.driveline.quick_laws import (
     push_speeds,
     put_lines,
     start_laws,
+    takes,
 )
 from rig_nodes.driveline.record import (
     before_at,
@@ -527,16 +528,19 @@ def quick_step(layout: Ints, h: float, t: float) -> int:
         return int(0)
     if layout[2] > 0 and only_shafts(laws_at(layout), loss_at(layout)):
         return quick_shafts(layout, h, t)
+    if not takes(laws_at(layout), layout[2]):
+        return int(0)
     q = quick_of(layout, h)
+    if q.heavy and q.loss.shape[0] > 0:
+        return int(0)
     work, at, n = q.state.work, q.at, q.by_speed.shape[1]
     tol = 1e-12 * start(layout, h, t, q, before)
     if tol == 0.0:
         return int(0)
     able, stuck, slipping = start_elements(q, tol)
-    if not able or not start_laws(q):
+    if not able:
         return int(0)
-    if q.heavy and q.loss.shape[0] > 0:
-        return int(0)
+    start_laws(q)
     if not is_held(q.state.mode, int(0), q.state.mode.shape[0], work) or (q.heavy and not ready):
         for f in range(q.state.mode.shape[0]):
             work[at.state + f] = q.state.mode[f]

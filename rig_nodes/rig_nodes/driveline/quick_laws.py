@@ -139,10 +139,24 @@ def add_inertia(inertia: float, on: Floats, k: int, op: int, orr: int, m: int, w
 
 
 @njit(**INLINED)
-def start_laws(q: Quick) -> bool:
-    """Set the arguments of the laws and their expected changes; return False where an event is possible."""
+def takes(laws: Laws, slots: int) -> bool:
+    """Return whether a quick step takes a driveline's laws: none but torques, capacities, friction and inertias, without shafts."""
     short_loops()
-    laws, own, by_law, h, shafts = q.laws, q.own, q.by_law, q.h, q.structure.sh.shape[0]
+    shafts = slots
+    for k in range(laws.kind.shape[0]):
+        kind = laws.kind[k]
+        if kind == MOTION or kind == SHAFT or kind >= GEARING:
+            return False
+        if kind != FRICTION and kind != INERTIA and laws.slot[k] >= 0:
+            shafts -= 1
+    return shafts == 0
+
+
+@njit(**INLINED)
+def start_laws(q: Quick) -> None:
+    """Set the arguments of the laws and their expected changes."""
+    short_loops()
+    laws, own, by_law, h = q.laws, q.own, q.by_law, q.h
     for k in range(laws.kind.shape[0]):
         kind, rate = laws.kind[k], dot(laws.of, k, q.by_speed, DV)
         by_law[RATE, k] = by_law[X, k] = rate
@@ -154,22 +168,17 @@ def start_laws(q: Quick) -> bool:
             by_law[DX, k] = h * rate + own.way[k] * h * h
             by_law[AHEAD, k] = 0.5 * h
         here = by_law[X, k]
-        if kind == MOTION or kind == SHAFT or kind >= GEARING:
-            return False
         if kind == FRICTION:
             q.by_element[CURVED, laws.element[k]] = 1.0
             here = abs(here)
         elif kind == INERTIA:
             by_law[SLOPE, k] = rate + 2.0 * own.way[k] * h
-        elif laws.slot[k] >= 0:
-            shafts -= 1
         begin, end, height, point, rise = line(laws.tables, k, piece(laws.tables, k, here))
         if here == begin:
             # at a bend the pieces before and behind it are equally close
             begin = np.inf if by_law[DX, k] < 0.0 else begin
         by_law[BEGIN, k], by_law[END, k], by_law[RISE, k] = begin, end, rise
         by_law[VALUE, k] = height + rise * (here - point)
-    return shafts == 0
 
 
 @njit(**INLINED)
