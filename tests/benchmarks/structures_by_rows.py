@@ -12,9 +12,11 @@ Nothing is calibrated again: each structure is the rig with some values changed,
 import argparse
 import sys
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from unittest.mock import patch
 
+from rig_nodes.rigs.hydmag.laboratory import programme
 from rig_nodes.rigs.hydmag.laboratory.programme import BENCHES, PROCEDURES, choose, summary, validate
 from rig_nodes.runs import Workers
 from rig_nodes.studies import INSIDE
@@ -43,10 +45,11 @@ transducers:
 
 @dataclass(frozen=True)
 class Structure:
-    """Changed values, and the text of a rig on the base of hydmag; none for hydmag itself."""
+    """Changed values, the text of a rig on the base of hydmag, and how long a profile series opens its clutch; "" for the rig's."""
 
     settings: dict[str, str] = field(default_factory=dict)
     rig: str = ""
+    opened: str = ""
 
 
 VALVES = {
@@ -85,6 +88,11 @@ FRICTION = {
 }
 LIGHT, BREAK = {"input_shaft.damping": "1.5 Nm s/rad"}, {"plate_pack.break_slip": "1 mm"}
 DRAIN = {"valve_zr_p2.drain_bore_area": "0.22 mm2"}
+# S2's way back by itself, with a line that runs empty within a second, and with one that stays full between shifts.
+BACK_S2 = {"clutch_s2.return_area": "0.72 mm2", "clutch_s2.drain_time": "0.2 s"}
+FULL_LINE = {"clutch_s2.return_area": "0.72 mm2", "clutch_s2.drain_time": "3600 s"}
+# What least squares finds for S2's oil and clearance with it, the other values held.
+BACK_S2_FILL = {"clutch_s2.clearance": "7.3287 mm", "clutch_s2.drained_volume": "16.48 cm3"}
 # Annex D's end of p2 asks for 0.89 mm2 with the drain's bore (`rig calculate drains`).
 BACK = {"clutch_s1.return_area": "0.72 mm2", "clutch_s2.return_area": "0.72 mm2"}
 # What `rig calibrate --generations 0` finds from the rig's own values with that way back and drain_time 0.2 s.
@@ -124,6 +132,11 @@ STRUCTURES = {
     "break-away within 0.8 mm of slip, friction calibrated": Structure(FRICTION),
     "way back of 0.72 mm2 behind the pack": Structure(BACK),
     "way back, calibrated": Structure({**BACK, **BACK_CALIBRATED}),
+    "profile series opened for 30 s": Structure(opened="30 s"),
+    "profile series opened for 1 s": Structure(opened="1 s"),
+    "way back of S2, 0.72 mm2": Structure(BACK_S2),
+    "way back of S2, its oil and clearance calibrated": Structure({**BACK_S2, **BACK_S2_FILL}),
+    "way back of S2, line stays full between shifts": Structure(FULL_LINE),
     "shaft of 4 % of critical": Structure(LIGHT),
     "4 %, break-away within 1 mm": Structure({**LIGHT, **BREAK}),
     "4 %, break-away, drain bore of ZR-P2 0.22 mm2": Structure({**LIGHT, **BREAK, **DRAIN}),
@@ -133,7 +146,15 @@ STRUCTURES = {
 
 def judged(structure, jobs):
     """Returns (row -> whether it is inside, row -> its role, balanced accuracy of the hold phase) of a structure."""
-    with tempfile.TemporaryDirectory() as folder, Workers(jobs) as workers:
+    series_of = programme.series_of
+
+    def opened(procedure):
+        found = series_of(procedure)
+        if procedure != "profile_series" or not structure.opened:
+            return found
+        return [replace(one, parameters={**one.parameters, "open": structure.opened}) for one in found]
+
+    with tempfile.TemporaryDirectory() as folder, Workers(jobs) as workers, patch.object(programme, "series_of", opened):
         rig = "hydmag"
         if structure.rig:
             rig = str(Path(folder) / "rig.yaml")

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What Annex D's printed pressures require: two bores of one drain, and a peak that comes after the shift."""
+"""What Annex D's printed pressures require: two bores of one drain, a peak after the shift, and a piston that is not back."""
 
 import pytest
 
@@ -29,3 +29,15 @@ def test_close_to_400_nm_can_only_be_transmitted_after_the_longest_downshift():
 
 def test_with_the_friction_of_chapter_9_s1_never_transmits_it():
     assert max(row[-1] for row in table("downshift_torque", "chapter9").rows if row[0] >= 0.26) < 300.0
+
+
+def test_a_level_on_the_plateau_needs_a_half_filled_s2_in_every_series():
+    """A piston that is back and an empty line allow no level: S2's contact comes 0.17 to 0.31 s after the plateau's end."""
+    rows = table("plateaus").rows
+    assert len(rows) == 10
+    name, _, ends, contact, current, oil, _ = rows[9]
+    assert (name, ends) == ("ZR-P2-10", pytest.approx(0.33))
+    # by hand: 0.3306 s + 0.2379 s; 215 mA + 525 mA * 238.5 / 250; 74.9 cm3/s for these 238.5 ms
+    assert contact == pytest.approx(0.5685) and current == pytest.approx(0.716, abs=1e-3)
+    assert oil == pytest.approx(17.9e-6, rel=0.01)
+    assert all(0.3 < share < 0.7 for *_, share in rows)

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What Annex D's printed pressures require of the drains, and the torque that they allow in a downshift.
+"""What Annex D's printed pressures require of the drains and of S2's oil, and the torque that they allow in a downshift.
 
 Used by `rig calculate` and tests/rigs/test_annex_d.py. Nothing is run: the curves are those of targets.yaml.
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from rig_nodes.plant import thesis
 from rig_nodes.rigs.hydmag.laboratory.calibration_rows import SUPPLY, calibrating, on_curve
-from rig_nodes.runs import Table
+from rig_nodes.runs import Table, load_procedure
 
 if TYPE_CHECKING:
     from rig_nodes.rig import RigConfig
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 KINETIC = 0.17  # 9.1: friction of slipping plates in the thesis's simulation
 END = 2.3  # MPa, Annex D: end value of both pressures
 FILL, LAST = 0, 2  # pieces of p2's rise: its first one, and the cubic that ends at the level
+PLATEAU, RAMP = "alfa46.output_2.P2", "alfa46.output_2.P3"  # settings of ZR-P2's series: ends of the plateau and of the ramp
 INSTANTS = (0.1, 0.15, 0.2, 0.26, 0.3, 0.35, 0.407)  # s: 0.26 is the longest t_dtr (7.5), and p1 reaches its level at 0.407
 
 
@@ -100,4 +101,41 @@ def downshift_torque(config: RigConfig) -> Table:
     )
 
 
-CALCULATIONS = {"drains": drains, "downshift_torque": downshift_torque}
+def plateaus(config: RigConfig) -> Table:
+    """Oil that S2 must still hold at the order of each series of ZR-P2, if its pressure stays level before the plateau's end.
+
+    From an empty line and a piston that is back, as the response (7.5) and Annex D's p2 have it at the currents of series 10, the
+    piston meets the plates at the sum of the delay and of the fill. p2 can only stay at the level of P1-P2 (7.3.2) when that is
+    before P2, so what the supply's bore delivers from P2 to this contact must have been in line and cylinder. At less current than
+    that of series 10 the valve opens no earlier; up to 230 mA it opens at most 10 ms earlier, and the valve's lag is left out.
+
+    Parameters
+    ----------
+    config : RigConfig
+        The rig.
+
+    Returns
+    -------
+    Table
+        Series, current and end of the plateau, contact and the current at that time, the oil and its share of all oil up to there.
+    """
+    rows, clutch = calibrating(), config.clutch_s2
+    rise = rows["ch9_pressure_up_p2"].pieces
+    contact = rows["valve_delay_zr_p2"].printed[0] + rise[LAST][0]
+    flow = clutch.piston_area**2 / clutch.spring_rate * 1e6 * rise[FILL][2][0]
+    whole = clutch.drained_volume + clutch.piston_area * clutch.clearance
+    out = []
+    for series in load_procedure("profile_series").series():
+        if PLATEAU not in series.overrides:
+            continue
+        (ends, level), (full, most) = ([1e-3 * float(x) for x in series.overrides[p].split()[::2]] for p in (PLATEAU, RAMP))
+        left = flow * (contact - ends)
+        out.append((series.label, level, ends, contact, float(np.interp(contact, (ends, full), (level, most))), left, left / whole))
+    return Table(
+        "Oil that S2 must hold at the order, if p2 stays level before the end of the plateau P1-P2 (7.3.2), by (7.5) and Annex D.",
+        {"series": "", "plateau": "mA", "ends": "ms", "contact": "ms", "current": "mA", "oil": "cm3", "share": "%"},
+        out,
+    )
+
+
+CALCULATIONS = {"drains": drains, "downshift_torque": downshift_torque, "plateaus": plateaus}
