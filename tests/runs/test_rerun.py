@@ -8,11 +8,16 @@ import re
 from copy import deepcopy
 
 import pytest
+from ruamel.yaml import YAML
 
 from rig_nodes.analysis.moved import moved_lines
 from rig_nodes.analysis.of_runs import gather
 from rig_nodes.analysis.run_report import build_report
+from rig_nodes.bags.copy import describe
+from rig_nodes.bags.metadata import OFFERED, profile_text
+from rig_nodes.bags.opened import OpenedBags
 from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.names import installed
 from rig_nodes.cli.main import main
 from rig_nodes.controllers import load_controller
@@ -111,6 +116,26 @@ def test_through_a_controller_of_other_settings_the_first_other_answer_is_told(r
     arguments = ["rerun", str(recorded), "--through", "controller", "alfa46", "--out", str(tmp_path / "again")]
     assert main([*arguments, "--set", "alfa46.gain_p=20 ohm"]) == 0
     assert "the first other answer is that at 0." in capsys.readouterr().out
+
+
+def test_through_a_controller_users_topics_stay_as_they_were_recorded(recorded, tmp_path):
+    user, ros_type, data = "/camera/lamp", "my_pkg/msg/Lamp", b"\0\1\0\0\1"  # of a type that is not installed
+    offer = profile_text("latched")
+    with OpenedBags([recorded]) as bags, BagWriter(tmp_path / "run", "run", topics={}) as new:
+        for topic in bags.types:
+            describe(new, bags, topic)
+        new.describe(user, ros_type, "cdr/ros2msg", "bool on\n", {OFFERED: offer})
+        for time, (topic, message) in bags.timeline(bags.types):
+            new.write(topic, bags.types[topic], message, time)
+        new.write(user, ros_type, data, bags.last)
+    out = tmp_path / "again"
+    assert main(["rerun", str(tmp_path / "run"), "--through", "controller", "alfa46", "--out", str(out)]) == 0
+    with OpenedBags([out]) as again:
+        assert [row for _, row in again.timeline([user])] == [(user, data)]
+        assert again.channel(user)[1:] == ("bool on\n", {OFFERED: offer})
+    stored = YAML(typ="safe").load(out / "metadata.yaml")["rosbag2_bagfile_information"]["topics_with_message_count"]
+    (about,) = [one["topic_metadata"] for one in stored if one["topic_metadata"]["name"] == user]
+    assert about["offered_qos_profiles"][0]["durability"] == "transient_local"
 
 
 @pytest.mark.parametrize("through", [["plant"], ["controller", "alfa46"]])

@@ -196,12 +196,9 @@ def write(
     held: Counter[str] = Counter()
     try:
         with BagWriter(part, out.name, topics={}, library=LIBRARY) as writer:
-            for topic, ros_type in bags.types.items():
+            for topic in bags.types:
                 if topics is None or topic in topics:
-                    encoding, text, about = bags.channel(topic)
-                    if OFFERED in about:
-                        about = {**about, OFFERED: profiles_of_today(about[OFFERED])}
-                    writer.describe(topic, ros_type, encoding, text, about, bags.topic_of(topic))
+                    describe(writer, bags, topic)
             given = set[tuple[str, bytes]]()
             latched = [name for name in bags.types if offered_by(bags.channel(name)[2].get(OFFERED, "")).latched]
             rows = counted(bags.timeline(bags.types), held)
@@ -226,6 +223,14 @@ def write(
         shutil.rmtree(part, ignore_errors=True)
     kept = _kept(bags, held)
     return out / writer.path.name, Kept(writer.counts, kept.lost, kept.damage, kept.unread)
+
+
+def describe(writer: BagWriter, bags: OpenedBags, topic: str) -> None:
+    """Prepare a topic of some bags in a new one, with the definition and the quality of service that they recorded."""
+    encoding, text, about = bags.channel(topic)
+    if OFFERED in about:
+        about = {**about, OFFERED: profiles_of_today(about[OFFERED])}
+    writer.describe(topic, bags.types[topic], encoding, text, about, bags.topic_of(topic))
 
 
 def counted(timeline: Iterator[tuple[int, tuple[str, bytes]]], held: Counter[str]) -> Iterator[tuple[int, tuple[str, bytes]]]:

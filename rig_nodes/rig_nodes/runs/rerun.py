@@ -18,7 +18,7 @@ from typing import Any
 
 from .. import __version__
 from ..analysis import Gathered
-from ..bags import BagWriter, OpenedBags, canonical_hash, encoder
+from ..bags import BagWriter, OpenedBags, canonical_hash, describe, encoder
 from ..base import SAMPLE, SAMPLE_NS, SWITCH, RigError, Uninterrupted
 from ..controllers import LEVELS, ControllerFailed, Plug
 from ..plant import MEASUREMENTS
@@ -355,6 +355,9 @@ def _through(bag: Gathered, config: RigConfig, controller: Plug, spec: str, fold
         writer = BagWriter(folder, name, topics=config.catalogue.all_topics)
         try:
             with writer:
+                for topic in kept:
+                    if topic not in config.catalogue.all_topics:  # of users, whose types need not be installed here
+                        describe(writer, opened, topic)
                 record = rerun_record(bag, _changed_by(found, config), spec)
                 answers = _answered(bag, config, controller, found, others, _Answered(bag, record, writer, recorded))
                 writer.end("ended", "the re-run ended")
