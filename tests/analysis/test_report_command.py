@@ -16,12 +16,15 @@ from synthetic_shift import FakeBag, Shift
 
 from rig_nodes.analysis.gathered import LOGGER
 from rig_nodes.analysis.run_report import build_report, write_report
+from rig_nodes.api.run import Run
 from rig_nodes.bags.cdr import encoder
 from rig_nodes.bags.reader import Bag
 from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import RigError
 from rig_nodes.cli import report as command
 from rig_nodes.cli.main import main
+
+from ..dated import with_dates
 
 SAMPLE = Path(__file__).resolve().parents[2] / "bags" / "sample"
 
@@ -265,3 +268,13 @@ def test_a_run_of_which_a_logger_jumps_in_its_rows_has_its_other_results(tmp_pat
         writer.end("ended", "the sequence ended")
     assert main(["report", str(tmp_path)]) == 3
     assert " rows are missing between its blocks, more than the " in capsys.readouterr().out
+
+
+def test_the_times_of_a_bag_with_dates_are_those_of_the_run(tmp_path, capsys):
+    dated = with_dates(SAMPLE, tmp_path / "run_0.mcap")
+    assert ", recorded, 2.6 s, seed 1; ended" in repr(Run(dated))
+    whole = dated.read_bytes()
+    dated.write_bytes(whole[: len(whole) // 2])
+    assert main(["report", str(dated)]) == 1
+    captured = capsys.readouterr()
+    assert "messages recovered up to 1.535 s" in captured.out

@@ -362,7 +362,7 @@ class Gathered:
     @property
     def recovered(self) -> str:
         """One sentence on what recovery saved; empty for a sound bag."""
-        return recovered(sum(self.counts.values()), self.last, self.damage)
+        return recovered(sum(self.counts.values()), self.recorded_to, self.damage) if self.damage else ""
 
     def newest(self, topic: str) -> Any:
         """Return the rig's newest state, as Bag.newest does; of other topics none is kept."""

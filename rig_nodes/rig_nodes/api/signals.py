@@ -174,8 +174,8 @@ class Signals(Mapping[str, Signal]):
 
     @property
     def span(self) -> tuple[float, float]:
-        """Times of the first and of the last message of the bag [s]."""
-        return 0.0, self._held.last / 1e9
+        """Times of the run at which the recording begins and ends [s]."""
+        return self._held.recorded_from, self._held.recorded_to / 1e9
 
     @property
     def period(self) -> float | None:

@@ -21,13 +21,13 @@ from .exchange.provenance import csvw_path as csvw_path
 from .index import HOLE as HOLE
 from .logged import Logged as Logged, Recording as Recording, orders_in as orders_in
 from .mcap_file import not_sqlite as not_sqlite
-from .messages import NOTHING as NOTHING, in_short as in_short, nothing_in as nothing_in
+from .messages import NOTHING as NOTHING, in_short as in_short, nothing_in as nothing_in, recovered as recovered
 from .metadata import OFFERED as OFFERED, offered_by as offered_by, profiles_of_today as profiles_of_today
 from .old_form import topic_of_today as topic_of_today
 from .opened import OpenedBags as OpenedBags
 from .pieces import PIECE as PIECE, files_of_run as files_of_run, read_metadata as read_metadata
 from .player import CLOCK as CLOCK, Played as Played, Player as Player
-from .reader import Bag as Bag, Logger as Logger, UNREADABLE as UNREADABLE, recovered as recovered
+from .reader import Bag as Bag, Logger as Logger, UNREADABLE as UNREADABLE
 from .recording import BagRecording as BagRecording
 from .rig_in_bag import holds_rig as holds_rig, rig_record as rig_record
 from .run_end import CUT_OFF as CUT_OFF, NO_REPORT as NO_REPORT, RunEnd as RunEnd, STATE as STATE, STOPPED as STOPPED, faults_of as faults_of, with_end as with_end

@@ -324,6 +324,21 @@ def nothing_in(damage: list[str], library: str) -> str:
     return f"nothing of it can be read ({in_short(damage)})" if damage else NOTHING if library.startswith(OWN) else NOT_A_RUN
 
 
+def recovered(held: int, last: int, damage: list[str]) -> str:
+    """Return a sentence on what recovery saved: the number of messages and the time up to which they go.
+
+    Parameters
+    ----------
+    held : int
+        Messages that were recovered.
+    last : int
+        Time of the run [ns] at which the recording ends.
+    damage : list of str
+        One sentence per fault.
+    """
+    return f"{held} messages recovered up to {last / 1e9:.3f} s ({in_short(damage)})"
+
+
 def in_short(damage: list[str]) -> str:
     """Return the first faults of a bag and the number of the others, in one line."""
     more = len(damage) - NAMED

@@ -180,7 +180,7 @@ class OpenedBags:
             return recorded, recorded.reason if recorded.state == CUT_OFF else ""
         bag = self.bag([topic for topic, ros_type in self.types.items() if topic in (STATE, EVENTS) or ros_type == RUN_INFO])
         if last.writer:
-            return end_of_run(bag), f"the run went on at {bag.last / 1e9:.3f} s, up to which {last.writer} had written it"
+            return end_of_run(bag), f"the run went on at {bag.recorded_to / 1e9:.3f} s, up to which {last.writer} had written it"
         return end_of_run(bag), "" if self.damage and not of_damaged else cut_off(bag)
 
     def check_began(self) -> None:

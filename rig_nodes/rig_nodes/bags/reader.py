@@ -27,7 +27,7 @@ from ..rig import Catalogue, Signal, Structure, Transmission, catalogue, install
 from . import limits
 from .blocks import false_heads, out_of_reach
 from .mcap_scan import read_mcap, read_pieces
-from .messages import Messages, in_short, stamps_of
+from .messages import Messages, recovered, stamps_of
 from .pieces import files_of_run, plain, read_metadata
 from .records import Contents, Stream
 from .rig_in_bag import rig_record
@@ -172,7 +172,7 @@ class Bag(Messages):
     @property
     def recovered(self) -> str:
         """One sentence on what recovery saved; empty for a sound bag."""
-        return recovered(sum(self.counts.values()), self.last, self.damage)
+        return recovered(sum(self.counts.values()), self.recorded_to, self.damage) if self.damage else ""
 
     @cached_property
     def record(self) -> Mapping:
@@ -569,21 +569,6 @@ def _joined(contents: list[Contents], files: list[Path]) -> Contents:
 
 def _named(damage: list[str], file: Path, files: list[Path]) -> list[str]:
     return damage if len(files) == 1 else [f"{file.name}: {text}" for text in damage]
-
-
-def recovered(held: int, last: int, damage: list[str]) -> str:
-    """Return a sentence on what recovery saved: the number of messages and the last log time; empty without damage.
-
-    Parameters
-    ----------
-    held : int
-        Messages that were recovered.
-    last : int
-        Log time of the last of them [ns].
-    damage : list of str
-        One sentence per fault.
-    """
-    return f"{held} messages recovered up to {last / 1e9:.3f} s ({in_short(damage)})" if damage else ""
 
 
 def _compare(metadata: Path, counts: dict[str, int]) -> list[str]:

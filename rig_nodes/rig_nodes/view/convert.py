@@ -377,7 +377,7 @@ def _send_bag(source: _Source, rec: RecordingStream, curves: Curves) -> tuple[di
             numbers.add(piece)
             held, last = held + sum(piece.counts.values()), max(last, piece.last)
         source.damaged = bool(piece.damage)
-        notes = [recovered(held, last, piece.damage)] if piece.damage else []
+        notes = [recovered(held, source.small.end_by(numbers, last), piece.damage)] if piece.damage else []
         notes += numbers.disorder(source.small)
         if report is None:
             report = build_report(gathered, source.run)
