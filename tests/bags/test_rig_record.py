@@ -123,6 +123,20 @@ def test_a_bag_that_says_nothing_of_its_rig_is_of_the_one_with_its_topics(rig):
     assert rig_record(None, config.catalogue.topics)["structure"] == config.as_dict()["structure"]
 
 
+@pytest.mark.parametrize("verb", ["report", "export", "view", "compare"])
+def test_a_verb_that_takes_an_installed_rig_for_a_bag_without_its_own_says_so_once(verb, tmp_path, capsys):
+    bag, sample = str(tmp_path / "bag"), str(BEFORE.parents[2] / "bags" / "sample")
+    assert main(["bag", "cut", sample, "--exclude-regex", "/rig/run_info", "--out", bag]) == 0
+    rest = {"report": ["--json"], "view": ["--no-open"], "compare": [sample]}.get(verb, ["-o", str(tmp_path / "run.csv")])
+    if verb == "view":
+        pytest.importorskip("rerun")
+    capsys.readouterr()
+    assert main([verb, *["csv"] * (verb == "export"), bag, *rest]) == 0
+    out = capsys.readouterr()
+    sentence = "does not name its rig, and is read as a bag of the installed rig 'hydmag', whose topics are most like its own"
+    assert out.err.count(sentence) == 1 and sentence not in out.out
+
+
 @pytest.mark.parametrize(
     "record",
     [

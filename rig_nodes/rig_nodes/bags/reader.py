@@ -12,6 +12,7 @@ import json
 import math
 import re
 import struct
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -22,7 +23,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..base import RUN_FILE, BagError, RigError
+from ..base import RUN_FILE, BagError, RigError, RigWarning
 from ..rig import Catalogue, Signal, Structure, Transmission, catalogue, installed_topics, structure_of, transmission_of
 from . import limits
 from .blocks import false_heads, out_of_reach
@@ -30,7 +31,7 @@ from .mcap_scan import read_mcap, read_pieces
 from .messages import Messages, recovered, stamps_of
 from .pieces import files_of_run, plain, read_metadata
 from .records import Contents, Stream
-from .rig_in_bag import rig_record
+from .rig_in_bag import holds_rig, rig_record
 from .sequence_numbers import Numbers, holes, lives_of
 
 UNREADABLE = (RigError, KeyError, TypeError, ValueError, AttributeError, IndexError)  # exceptions that an invalid record may raise
@@ -179,16 +180,21 @@ class Bag(Messages):
         """The rig's structure and values (RigConfig.as_dict) in today's form.
 
         They are taken from the bag, or from run.json beside it when the recorder ended before the bag held them. Without either,
-        they are those of the installed rig whose topics are most like the bag's. BagError is raised for an invalid record.
+        they are those of the installed rig whose topics are most like the bag's, which a warning says. BagError is raised for an
+        invalid record.
         """
         stored = None
         with suppress(BagError):  # run_info() itself raises this error to its callers
             if info := self.run_info() or self._ordered():
                 stored = info.get("configuration", info)
         try:
-            return rig_record(stored, self.types)
+            record = rig_record(stored, self.types)
         except UNREADABLE as error:
             raise self._no_rig(error) from None
+        if not holds_rig(stored):
+            like = f"the installed rig '{record['name']}', whose topics are most like its own"
+            warnings.warn(RigWarning(f"{self.path}: does not name its rig, and is read as a bag of {like}"), stacklevel=3)
+        return record
 
     @cached_property
     def structure(self) -> Structure:

@@ -1,7 +1,7 @@
 # Copyright 2026 Virtual rig maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The one exception of the rig that users are meant to read, and texts that several errors share.
+"""The one exception and the one warning of the rig that users are meant to read, and texts that several errors share.
 
 Everything that refuses input raises it; the command line prints its message and ends with its exit code.
 """
@@ -20,6 +20,10 @@ class RigError(Exception):
     """Bad input or an impossible request, with a message in one sentence: what, where, and what would be right."""
 
     exit_code = 2
+
+
+class RigWarning(UserWarning):
+    """What a result rests on though nobody said so, in one sentence; the command line prints it as its own."""
 
 
 def no_file(path: str | Path) -> str:

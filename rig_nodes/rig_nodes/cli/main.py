@@ -22,10 +22,23 @@ import re
 import resource
 import signal
 import sys
+import warnings
 from pathlib import Path
 
 from rig_nodes import __version__
-from rig_nodes.base import Group, Lacking, Parser, RigError, Terminated, ended_by, need_ros, not_written, optional, printable
+from rig_nodes.base import (
+    Group,
+    Lacking,
+    Parser,
+    RigError,
+    RigWarning,
+    Terminated,
+    ended_by,
+    need_ros,
+    not_written,
+    optional,
+    printable,
+)
 from rig_nodes.cli.output_files import check_outputs
 
 TYPE_CHECKING = False  # as in typing, whose import would cost time that help does not need
@@ -92,6 +105,24 @@ def written() -> Iterator[None]:
         raise
     except OSError as error:
         raise NotPrinted(f"its output cannot be written ({error.strerror})") from None
+
+
+@contextlib.contextmanager
+def own_warnings() -> Iterator[None]:
+    """Print each warning of the rig as its errors are printed, once; those of other packages stay as they are."""
+    said = set()
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+            if not issubclass(category, RigWarning):
+                others(message, category, *place)
+            elif str(message) not in said:
+                said.add(str(message))
+                print(f"rig: warning: {printable(message)}", file=sys.stderr)
+
+        warnings.showwarning = show
+        yield
 
 
 def usage() -> str:
@@ -195,7 +226,7 @@ def main(arguments: list[str] | None = None) -> int:
             from rig_nodes.cli.temporary import own_folder
 
             own_folder()
-    with contextlib.redirect_stdout(Shown(sys.stdout)), contextlib.redirect_stderr(Shown(sys.stderr)):
+    with contextlib.redirect_stdout(Shown(sys.stdout)), contextlib.redirect_stderr(Shown(sys.stderr)), own_warnings():
         return _answer(arguments, started)
 
 

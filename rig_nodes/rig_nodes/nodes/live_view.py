@@ -48,6 +48,7 @@ class LiveView(Node):
     def __init__(self) -> None:
         super().__init__("live_view", enable_rosout=False, start_parameter_services=False)
         self.found: Mapping | None = None
+        self.by_topics = False  # whether the rig was found without a record of it
         self.lack = "nothing is published"
         self._seen_at: float | None = None
         self._inputs: list = []
@@ -61,7 +62,7 @@ class LiveView(Node):
         except UNREADABLE:
             return  # not a record of this project's runs; its topics may still be of such a run
         if self.found is None or record["structure"] != self.found["structure"]:
-            self.found = record
+            self.found, self.by_topics = record, False
 
     def look(self) -> None:
         """Find the rig by its topics when no record has arrived for RECORD_PATIENCE s."""
@@ -75,6 +76,7 @@ class LiveView(Node):
         elif time.monotonic() - self._seen_at > RECORD_PATIENCE:
             try:
                 self.found = rig_record(None, topics)
+                self.by_topics = True
             except UNREADABLE as error:
                 self.lack = f"no record of the rig is published ({error})"
                 self._seen_at = time.monotonic()  # more topics may come, or the record itself
@@ -160,8 +162,12 @@ class LiveSession:
                     if sender is not None:
                         self._close(sender)
                     shown, pages = node.found, Pages(node.found)
+                    if node.by_topics:
+                        like = f"the installed rig '{shown['name']}', whose topics are most like its own"
+                        self._say(f"no record of the rig is published, and it is shown as {like}")
                     sender = Sender(server.url, f"ROS domain {self._domain}", pages, window)
                     node.show(sender, pages)
+                    silent_at = time.monotonic() + SILENT
                 if sender is not None and sender.received:
                     silent_at = float("inf")
                 elif time.monotonic() > silent_at:
