@@ -40,7 +40,7 @@ def test_a_value_meets_or_misses_its_limit_and_is_undecided_within_its_error(res
     [
         ("t_x=.. 1 s", "there is no result in this report 't_x'; did you mean 't_"),
         ("t_c=.. 300 rpm", "'300 rpm' is an angular velocity, expected a time"),
-        ("t_c=.. 300", "'300' is a ratio, expected a time (s, ms, us, min)"),
+        ("t_c=.. 300", "'300' has no unit, expected a time (s, ms, us, min)"),
         ("t_c=300 ms", "'300 ms' is no range, expected 'LOW .. HIGH'"),
         ("t_c=..", "is no range"),
         ("t_c=1 s .. 0.5 s", "the range goes from 1000 down to 500 ms"),

@@ -338,7 +338,7 @@ def test_a_wrong_detuning_is_one_sentence(two_masses, tmp_path, capsys, old, new
         (["--body", "x"], "there is no body 'x'"),
         (["--orders", "0"], "an order is a number above 0"),
         (["--speeds", "100 rpm", "50 rpm"], "expected two rising values above 0"),
-        (["--speeds", "100", "200 rpm"], "'100' is a ratio, expected an angular velocity"),
+        (["--speeds", "100", "200 rpm"], "'100' has no unit, expected an angular velocity"),
         (["--band", "1 Hz", "2 Hz"], "--band is for --response"),
         (["--run", "nowhere"], "--run and --signal go together"),
         (["--run", "nowhere", "--signal", "x"], "there is no such file or folder"),

@@ -111,6 +111,12 @@ def test_a_broken_file_is_told_in_one_sentence_and_leaves_nothing(case, tmp_path
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(before + proposed)
 
 
+@pytest.mark.parametrize("period", ["0 ms", "-1 ms"])
+def test_rows_do_not_come_at_a_period_that_is_no_time_above_0(period, tmp_path, capsys):
+    assert main([*written(tmp_path), f"--period={period}"]) == 2
+    assert capsys.readouterr().err.strip() == f"rig: --period: '{period}' is no time above 0"
+
+
 def test_orders_come_from_a_column_and_the_times_of_the_file_are_kept(tmp_path):
     rows = [f"{0.1234 + n / 100:.4f};{1 + (n >= 20)};" + ROWS[n].partition(";")[2] for n in range(40)]
     text = "\n".join([HEAD.replace(";", ";gear_ordered;", 1), *rows]).replace(".", ",")

@@ -52,7 +52,7 @@ def test_defaults_and_given_values_reach_the_steps(path):
     [
         ({"sped": "500 rpm"}, "sequence 'asked': there is no parameter 'sped'; did you mean 'speed'"),
         ({"speed": "500 Nm"}, "parameter speed=500 Nm: '500 Nm' is a torque, expected an angular velocity"),
-        ({"speed": "500"}, "is a ratio, expected an angular velocity"),
+        ({"speed": "500"}, "'500' has no unit, expected an angular velocity"),
         ({"times": "2.5"}, "parameter times=2.5: expected a whole number, e.g. 2"),
         ({"gear": "III"}, r"asked\.yaml:8: shift.to is 'III', expected neutral, I, II"),
         ({"speed": "5000 rpm"}, r"asked\.yaml:9: motor.speed is 5000 rpm; the rig takes 0 to"),

@@ -9,7 +9,7 @@ from .calibrated import Calibrated as Calibrated, calibrate as calibrate
 from .checked import checked as checked
 from .compared import Compared as Compared
 from .exported import exported as exported
-from .given import whole as whole
+from .given import seconds_of as seconds_of, whole as whole
 from .opened import imported as imported, open as open
 from .paged import page_of as page_of
 from .procedures import procedure as procedure, procedure_series as procedure_series, run_series as run_series

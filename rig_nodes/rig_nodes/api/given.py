@@ -42,7 +42,7 @@ def seconds_of(name: str, value: object) -> float | None:
         return None
     seconds = quantity(value, "time", name) if isinstance(value, str) else value
     if not isinstance(seconds, Real) or isinstance(seconds, bool) or not LEAST <= seconds < math.inf:
-        raise RigError(f"{name} is {brief(value)}, expected a time of at least 1 us")
+        raise RigError(f"{name} is {brief(value)}, expected a time of at least 1 us, e.g. '5 ms'")
     return float(seconds)
 
 

@@ -19,10 +19,11 @@ from ..bags import (
     read_measurement,
     read_profile,
     sequence_name,
+    time_above_0,
     why_none,
     write_bag,
 )
-from ..base import RigError, brief, no_file, quantity, quoted
+from ..base import RigError, brief, no_file, quoted
 from .given import path_of
 from .rig import Rig, load, rig_from
 from .run import Run
@@ -101,7 +102,7 @@ def _imported(path: Path, rig: Rig | str | None, profile: str | Path | None, ord
     """Return the run of a logger's file."""
     read = None if profile is None else read_profile(path_of("profile", profile))
     if period is not None:
-        read = replace(read or Profile(), period=quantity(period, "time", "period"), time=None)
+        read = replace(read or Profile(), period=time_above_0(period, "period"), time=None)
     if rig is None and read is not None and read.rig:
         rig = load(read.rig, **read.settings)
     elif isinstance(rig, str | Path):

@@ -15,7 +15,7 @@ from .exchange.formats.format import is_loggers_file as is_loggers_file
 from .exchange.groups import DESCRIBING as DESCRIBING, IN_MEMORY as IN_MEMORY, Rows as Rows, Signals as Signals, on_one_clock as on_one_clock, on_own_clocks as on_own_clocks
 from .exchange.imported import Measurement as Measurement, NO_RIG as NO_RIG, read_measurement as read_measurement, why_none as why_none, sequence_name as sequence_name, write_bag as write_bag
 from .exchange.orders import example_of_orders as example_of_orders
-from .exchange.profile import Profile as Profile, read_profile as read_profile
+from .exchange.profile import Profile as Profile, read_profile as read_profile, time_above_0 as time_above_0
 from .exchange.propose import proposed as proposed
 from .exchange.provenance import csvw_path as csvw_path
 from .index import HOLE as HOLE

@@ -169,6 +169,8 @@ def quantity(text: object, dimension: str, where: str) -> float:
         found = brief(text) if isinstance(text, str) else f"'{brief(text)}'"
         raise RigError(f"{where}: {found} is not {with_article(dimension)}; write a number with its unit ({known})")
     number, unit = float(match[1]), match[2] or "-"
+    if not match[2] and dimension != "ratio":
+        raise RigError(f"{where}: {brief(text)} has no unit, expected {with_article(dimension)} ({known})")
     if unit not in UNITS:
         raise RigError(f"{where}: {brief(text)} has the unknown unit {brief(unit)}; {with_article(dimension)} takes {known}")
     if UNITS[unit][0] != dimension:

@@ -105,7 +105,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     """Write the signals of a run."""
-    from ..api import exported
+    from ..api import exported, seconds_of
     from ..bags import FILE_KINDS as ENDINGS
     from ..bags import csvw_path
     from ..base import ProgressLine, RigError, printable
@@ -123,6 +123,11 @@ def _run(args: argparse.Namespace) -> int:
     chosen = [name.strip() for text in args.signals for name in text.split(",") if name.strip()]
     if what in CAN_LOGS and (chosen or args.clock or args.units != "si"):
         raise RigError(f"--signals, --units and --clock are for {', '.join(RUNS)}; {what} holds the frames of rig.dbc")
+    if args.signals and not chosen:
+        raise RigError("--signals names none; leave it out for all signals")
+    if args.clock and what in ("mf4", "mat"):
+        raise RigError(f"--clock is for csv and parquet, which hold one table; {what} holds each signal with its own times")
+    clock = seconds_of("--clock", args.clock)
     line: ProgressLine | None = None
 
     def watch(length: float | None) -> Callable[[float, str], None]:
@@ -131,7 +136,7 @@ def _run(args: argparse.Namespace) -> int:
         return line.show
 
     try:
-        found = exported(run, target, chosen, args.clock, args.units, watch)
+        found = exported(run, target, chosen, clock, args.units, watch)
     finally:
         if line is not None:
             line.leave()

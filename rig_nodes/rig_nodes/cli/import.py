@@ -43,13 +43,11 @@ def profile_of(args: argparse.Namespace) -> Profile | None:
     """Return the profile of the arguments, with the period that they give; None without such arguments."""
     from dataclasses import replace
 
-    from ..bags import Profile, read_profile
-    from ..base import quantity
+    from ..bags import Profile, read_profile, time_above_0
 
     profile = read_profile(args.profile) if args.profile else None
     if args.period is not None:
-        period = quantity(args.period, "time", "--period")
-        profile = replace(profile or Profile(), period=period, time=None)
+        profile = replace(profile or Profile(), period=time_above_0(args.period, "--period"), time=None)
     return profile
 
 

@@ -105,6 +105,14 @@ class Profile:
     bridge: float = BRIDGE
 
 
+def time_above_0(text: object, where: str) -> float:
+    """Return a time [s] that is above 0, from its text; ``where`` begins the error."""
+    found = quantity(text, "time", where)
+    if not found > 0.0:
+        raise RigError(f"{where}: {brief(text)} is no time above 0")
+    return found
+
+
 def read_profile(name: str | Path) -> Profile:
     """Read a profile.
 
@@ -194,10 +202,7 @@ class _Reader:
     def positive(self, text: object, where: str) -> float:
         if text == OPEN:
             raise RigError(f"{where}: the period is still '{OPEN}'; write the time between rows, e.g. 0.1 ms")
-        found = quantity(text, "time", where)
-        if not found > 0.0:
-            raise RigError(f"{where}: {brief(text)} is no time above 0")
-        return found
+        return time_above_0(text, where)
 
     def form(self, node: Map) -> Form:
         lines = {}
