@@ -21,6 +21,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rig_nodes.bags.reader import Bag
+from rig_nodes.bags.writer import BagWriter
 from rig_nodes.base.errors import BagError
 from rig_nodes.cli.main import main
 
@@ -120,6 +121,29 @@ def test_two_halves_merged_again_are_the_bag_and_other_readers_open_it(sample, c
     early, late = ({topic: bag.counts[topic] for topic in LATCHED} for bag in (Bag(tmp_path / "early"), Bag(tmp_path / "late")))
     assert early == late == dict.fromkeys(LATCHED, 1), "a part of a run says what its rig is"
     assert rig_bag(capfd, "check", tmp_path / "late")[0] == 0
+
+
+def test_what_merged_bags_hold_alike_is_written_once_and_counted(sample, capfd, tmp_path):
+    assert rig_bag(capfd, "cut", SAMPLE, "--to", 1.5, "--out", tmp_path / "early")[0] == 0
+    assert rig_bag(capfd, "cut", SAMPLE, "--from", 1, "--out", tmp_path / "late")[0] == 0
+    both = sum(sum(Bag(tmp_path / name).counts.values()) for name in ("early", "late"))
+    for bags, count in ((["early", "late"], both), ([SAMPLE, SAMPLE], 2 * sum(sample.counts.values()))):
+        out = tmp_path / f"from {count}"
+        code, _, err = rig_bag(capfd, "merge", *(tmp_path / bag for bag in bags), "--out", out)
+        assert code == 0 and f"{count - sum(sample.counts.values())} messages that were there twice are written once" in err
+        assert Bag(out).canonical_hash() == sample.canonical_hash()
+        assert rig_bag(capfd, "check", out)[0] == 0
+
+
+def test_what_one_of_the_merged_bags_holds_twice_stays_twice(capfd, tmp_path):
+    """Users' messages of one log time may be alike, for the time of a run stands between two of its ticks."""
+    for name, count in (("a", 2), ("b", 1)):
+        with BagWriter(tmp_path / name, name, topics={}) as bag:
+            bag.describe("/lamp", "my_pkg/msg/Lamp", "cdr/ros2msg", "bool on\n", {})
+            for _ in range(count):
+                bag.write("/lamp", "my_pkg/msg/Lamp", b"\0\1\0\0\1", 10**9)
+    code, out, err = rig_bag(capfd, "merge", tmp_path / "a", tmp_path / "b", "--out", tmp_path / "both")
+    assert code == 0 and "2 messages of 1 topics written" in out and "1 messages that were there twice" in err
 
 
 def offered_in(folder):

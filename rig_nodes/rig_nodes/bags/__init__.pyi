@@ -6,7 +6,7 @@
 from . import cdr as cdr, limits as limits
 from .canonical import canonical_hash as canonical_hash
 from .cdr import Fields as Fields, Form as Form, encoder as encoder, stamp as stamp
-from .copy import AsSent as AsSent, Kept as Kept, check as check, content_hash as content_hash, count as count, describe as describe, left_out as left_out, write as write
+from .copy import Kept as Kept, check as check, content_hash as content_hash, count as count, describe as describe, left_out as left_out, write as write
 from .definitions import installed as installed, parse as parse
 from .exchange.cells import CellError as CellError
 from .exchange.files import FILE_KINDS as FILE_KINDS, Order as Order, arrow_schema as arrow_schema, arrow_table as arrow_table, export as export, started as started, whole as whole

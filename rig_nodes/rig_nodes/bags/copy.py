@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import hashlib
+import heapq
 import os
 import shutil
 import struct
@@ -13,7 +14,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, repeat
 from operator import itemgetter
 from pathlib import Path
 
@@ -39,13 +40,15 @@ _MESSAGE = struct.Struct("<QQ")
 class Kept:
     """What was read: messages per topic, messages per topic that are known to be lost, and a sentence per fault.
 
-    ``unread`` is True when something could not be read that may have held messages which nothing counts.
+    ``unread`` is True when something could not be read that may have held messages which nothing counts; ``twice`` is the number of
+    messages that a copy does not have because they are there already.
     """
 
     counts: dict[str, int]
     lost: dict[str, int]
     damage: list[str]
     unread: bool = False
+    twice: int = 0
 
     @property
     def whole(self) -> bool:
@@ -82,13 +85,7 @@ def check(bags: OpenedBags) -> Kept:
 
 
 class AsSent:
-    """Puts the messages of a rig that have the same log time as they were sent: each once, and in the order of their numbers.
-
-    Attributes
-    ----------
-    dropped : int
-        Messages that were there twice.
-    """
+    """Puts the messages of a rig that have the same log time as they were sent: each once, and in the order of their numbers."""
 
     def __init__(self, bags: OpenedBags) -> None:
         """Find the topics of the bags' rig; those of others stay as they are."""
@@ -98,19 +95,20 @@ class AsSent:
         except RigError:
             self._known = set()
         self._numbered = {topic for topic in self._known if has_one_sender(whole, topic) and whole.is_counted(topic)}
-        self.dropped = 0
 
-    def rows(self, timeline: Iterator[tuple[int, tuple[str, bytes]]]) -> Iterator[tuple[int, tuple[str, bytes]]]:
-        """Yield the messages of a timeline, as OpenedBags.timeline does."""
+    def rows(
+        self, timeline: Iterator[tuple[int, tuple[str, bytes]]], twice: Counter[str]
+    ) -> Iterator[tuple[int, tuple[str, bytes]]]:
+        """Yield the messages of a timeline, as OpenedBags.timeline does; count by topic those that were there twice."""
         for time, group in groupby(timeline, itemgetter(0)):
             rows = [row for _, row in group]
             if len(rows) > 1:
-                rows = self._put(rows)
+                rows = self._put(rows, twice)
             yield from ((time, row) for row in rows)
 
-    def _put(self, rows: list[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
+    def _put(self, rows: list[tuple[str, bytes]], twice: Counter[str]) -> list[tuple[str, bytes]]:
         kept = list(dict.fromkeys(rows)) if self._known.issuperset(topic for topic, _ in rows) else self._each_once(rows)
-        self.dropped += len(rows) - len(kept)
+        twice.update(Counter(topic for topic, _ in rows) - Counter(topic for topic, _ in kept))
         for name, count in Counter(topic for topic, _ in kept).items():
             if count > 1 and name in self._numbered:
                 places = [place for place, (topic, _) in enumerate(kept) if topic == name]
@@ -162,7 +160,7 @@ def write(
     topics: Collection[str] | None = None,
     begin: int = 0,
     end: int = limits.LAST + 1,
-    as_sent: AsSent | None = None,
+    as_sent: bool = False,
 ) -> tuple[Path, Kept]:
     """Write the messages of some topics and times into a new bag, in order of log time.
 
@@ -177,8 +175,8 @@ def write(
     begin, end : int
         Log times [ns] from ``begin`` to before ``end``. Latched messages of before are written at ``begin``, for without the rig's
         description none of its signals has a name.
-    as_sent : AsSent, optional
-        Puts the rig's messages in order.
+    as_sent : bool
+        True to put the rig's messages in order (AsSent).
 
     Returns
     -------
@@ -193,7 +191,7 @@ def write(
     if os.path.lexists(out):
         raise RigError(f"{out}: is there already; name another folder or remove it")
     part = out.with_name(f".{out.name}.{os.getpid()}")  # two that make the same one do not meet
-    held: Counter[str] = Counter()
+    held, twice = Counter[str](), Counter[str]()
     try:
         with BagWriter(part, out.name, topics={}, library=LIBRARY) as writer:
             for topic in bags.types:
@@ -201,11 +199,12 @@ def write(
                     describe(writer, bags, topic)
             given = set[tuple[str, bytes]]()
             latched = [name for name in bags.types if offered_by(bags.channel(name)[2].get(OFFERED, "")).latched]
-            rows = counted(bags.timeline(bags.types), held)
-            for time, (topic, data) in rows if as_sent is None else as_sent.rows(rows):
+            rows = _together([counted(timeline, held) for timeline in bags.timelines()], twice)
+            for time, (topic, data) in AsSent(bags).rows(rows, twice) if as_sent else rows:
                 if topic in latched:
                     if (topic, data) in given and bags.types[topic].startswith("rig_msgs/"):
-                        continue  # of another part of the same run
+                        twice[topic] += 1  # of another part of the same run
+                        continue
                     given.add((topic, data))
                     time = max(begin, time)  # when a subscriber that came at the beginning would get it
                 if begin <= time < end and (topics is None or topic in topics):
@@ -222,7 +221,29 @@ def write(
     finally:
         shutil.rmtree(part, ignore_errors=True)
     kept = _kept(bags, held)
-    return out / writer.path.name, Kept(writer.counts, kept.lost, kept.damage, kept.unread)
+    return out / writer.path.name, Kept(writer.counts, kept.lost, kept.damage, kept.unread, twice.total())
+
+
+def _together(
+    timelines: list[Iterator[tuple[int, tuple[str, bytes]]]], twice: Counter[str]
+) -> Iterator[tuple[int, tuple[str, bytes]]]:
+    """Yield the messages of several bags in order of time; what several hold alike once, as parts of one run that overlap do.
+
+    What one bag holds several times stays so. ``twice`` counts what is left out, by topic.
+    """
+    if len(timelines) == 1:
+        yield from timelines[0]
+        return
+    marked = [zip(timeline, repeat(number)) for number, timeline in enumerate(timelines)]
+    for time, group in groupby(heapq.merge(*marked, key=lambda one: one[0][0]), lambda one: one[0][0]):
+        there, met = Counter[tuple[str, bytes]](), Counter[tuple[int, tuple[str, bytes]]]()
+        for (_, row), number in group:
+            met[number, row] += 1
+            if met[number, row] > there[row]:
+                there[row] += 1
+                yield time, row
+            else:
+                twice[row[0]] += 1
 
 
 def describe(writer: BagWriter, bags: OpenedBags, topic: str) -> None:

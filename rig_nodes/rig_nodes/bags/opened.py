@@ -82,6 +82,7 @@ class OpenedBags:
         self._growing = growing
         self._damage: list[str] = []
         self._starts = 0  # bags that were opened
+        self._bag_of: list[int] = []  # the bag of each piece, counted from 0
         self._on_damage: Callable[[str], None] = lambda _: None
         self._stack = ExitStack()
         try:
@@ -204,6 +205,14 @@ class OpenedBags:
         rows = (piece.timeline(topics, begin, end) for piece in self._held)
         return heapq.merge(*rows, key=itemgetter(0))
 
+    def timelines(self) -> list[Iterator[tuple[int, tuple[str, bytes]]]]:
+        """Return the whole timeline of each of the bags that were opened."""
+        each: list[list[BagIndex]] = [[] for _ in range(self._starts)]
+        for number, piece in zip(self._bag_of, self.pieces):
+            if piece in self._held:
+                each[number].append(piece)
+        return [heapq.merge(*(one.timeline(self.types) for one in pieces), key=itemgetter(0)) for pieces in each]
+
     def bag(
         self, topics: Collection[str], begin: int = 0, end: int = limits.LAST + 1, columns: dict[str, list[str]] | None = None
     ) -> Bag:
@@ -273,6 +282,7 @@ class OpenedBags:
 
     def _add(self, piece: BagIndex) -> None:
         self.pieces.append(piece)
+        self._bag_of.append(self._starts - 1)
         if len(self.pieces) == 1:
             self.types, self.counts = dict(piece.types), dict(piece.counts)
             return

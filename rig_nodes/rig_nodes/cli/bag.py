@@ -115,7 +115,7 @@ def _print_notes(path: str, bags: OpenedBags) -> None:
 
 
 def _write(args: argparse.Namespace) -> int:
-    from ..bags import AsSent, OpenedBags, in_short, left_out, limits, write
+    from ..bags import OpenedBags, in_short, left_out, limits, write
     from ..base import RigError, printable
 
     topics, begin, end = None, 0, limits.LAST + 1
@@ -129,11 +129,10 @@ def _write(args: argparse.Namespace) -> int:
         if not any(bags.counts.values()):
             why = f" that can be read ({in_short(bags.damage)})" if bags.damage else ""
             raise RigError(f"{bags.path}: holds no messages{why}; there is nothing to write")
-        as_sent = AsSent(bags) if args.work == "recover" else None
-        path, kept = write(bags, args.out, topics, begin, end, as_sent)
+        path, kept = write(bags, args.out, topics, begin, end, as_sent=args.work == "recover")
         print(f"{path}: {sum(kept.counts.values())} messages of {len(kept.counts)} topics written")
-        if as_sent is not None and as_sent.dropped:
-            print(f"rig: {bags.path}: {as_sent.dropped} messages that were there twice are written once", file=sys.stderr)
+        if kept.twice:
+            print(f"rig: {bags.path}: {kept.twice} messages that were there twice are written once", file=sys.stderr)
         _print_notes(bags.path, bags)
         cut_off = "" if args.work == "cut" else bags.end()[1]
         for sentence in [*left_out(bags), *([cut_off] if cut_off else [])]:
