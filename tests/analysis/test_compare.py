@@ -201,3 +201,22 @@ def test_runs_that_took_other_times_between_orders_have_no_drift(recording):
     later = [(at + 0.1 * n, a, b) for n, (at, a, b) in enumerate(recording.orders)]
     clock = align(recording, replace(recording, orders=later))
     assert clock.drift == 0.0 and clock.rest == pytest.approx(0.1 * (len(later) - 1)) and len(later) > 1
+
+
+def test_the_faults_of_compared_runs_are_told_of_each(tmp_path, capsys):
+    sequence = tmp_path / "shift.yaml"
+    shift = "[{oil: {pressure: 4 MPa}}, {wait: {for: 300 ms}}, {shift: {to: I}}, {wait: {for: 800 ms}}]"
+    sequence.write_text(f"description: one shift\nsteps: {shift}\n")
+    runs = {"healthy": [], "ill": ["--fault", "clutch_s1.worn,at=0.5s", "--fault", "motor.weak,at=99s"], "also": []}
+    for name, faults in runs.items():
+        assert main(["simulate", str(sequence), *faults, "--out", str(tmp_path / name)]) == 0
+    both = [str(tmp_path / "healthy"), str(tmp_path / "ill")]
+    capsys.readouterr()
+    assert main(["compare", *both, "--json", str(tmp_path / "out.json"), "--html", str(tmp_path / "out.html")]) == 0
+    worn = "ill: fault injected: clutch_s1.worn: thickness that the whole pack has lost 0.8 mm, abrupt, from 0.500 s on"
+    told = ["healthy: no fault injected", f"{worn}; fault ordered, but never begun: motor.weak, at=99s"]
+    shown = capsys.readouterr().out
+    assert all(f"\n  {line}\n" in shown for line in told) and told[1] in (tmp_path / "out.html").read_text()
+    assert json.loads((tmp_path / "out.json").read_text())["starts"][:2] == told
+    assert main(["compare", both[0], str(tmp_path / "also")]) == 0
+    assert "fault" not in capsys.readouterr().out

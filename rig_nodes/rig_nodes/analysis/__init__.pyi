@@ -26,7 +26,7 @@ from .metrics import Metric as Metric, PLOTS as PLOTS, SHORT as SHORT, every_met
 from .modes import Critical as Critical, Found as Found, Response as Response, Spectrum as Spectrum, beside as beside, found_in as found_in, recorded as recorded, spectrum as spectrum, states_of as states_of, system_of as system_of
 from .moved import moved_lines as moved_lines
 from .no_change import measured_lines as measured_lines
-from .of_runs import gather as gather, gathering as gathering, shifts_report as shifts_report
+from .of_runs import gather as gather, gathering as gathering, source_of as source_of
 from .peak import sentence_of_peak as sentence_of_peak
 from .phases import FILL as FILL, INERTIA as INERTIA, INTERRUPTED as INTERRUPTED, Part as Part, TORQUE as TORQUE, moments_of as moments_of, phases_of as phases_of, times_of as times_of
 from .plate_heat import above_the_oil as above_the_oil

@@ -11,11 +11,13 @@ from ..bags import PIECE, UNREADABLE, Bag, OpenedBags, orders_in
 from ..base import RigError
 from ..rig import transmission_of
 from .clutch_torques import put_torques
+from .faults import fault_lines, faults_in, never_begun
 from .gathered import SMALL, Gathered, Thinned
 from .loops import STEP, put_loops
 from .measured_error import instruments_of, uncertainty
 from .peak import put_peaks
 from .run_report import info_of, no_rig, plain, record_of
+from .side_by_side import Source
 from .state_at_order import put_states
 
 
@@ -87,7 +89,21 @@ def gather(
     return found
 
 
-def shifts_report(bag: Gathered) -> dict:
+def source_of(name: str, bag: Gathered) -> Source:
+    """Return a run as a comparison takes it, from its bag with ``most_rows``; RigError when it holds no shifts to compare."""
+    bag.check_began()
+    if not bag.structure.gears:
+        raise RigError(f"{name}: is of a rig without gears; runs with shifts can be compared")
+    injected = faults_in(bag.events())
+    faults: list[str] | None = fault_lines(injected)
+    if info_of(bag).get("imported") or (bag.recorded_from and not injected):
+        faults = None  # it may have been ill before what the bag holds
+    elif not bag.recorded_from:
+        faults = [*fault_lines(injected), *never_begun(injected, bag.record.get("faults") or ())]
+    return Source(name, bag.thinned(), bag.record, _shifts_report(bag), faults)
+
+
+def _shifts_report(bag: Gathered) -> dict:
     """Return shifts and their largest errors, as in the report of a bag, or no shifts when it has no rows for them."""
     try:
         recording, rows = bag.shifts()

@@ -32,13 +32,15 @@ BEFORE, AFTER, UNKNOWN = 0.1, 0.15, 1.5  # s before an order, after the settled 
 class Source:
     """A recording to compare: its name for people, its rows and orders, and the record of its rig.
 
-    ``report`` holds its shifts, where they were found in more rows than ``recording`` has.
+    ``report`` holds its shifts, where they were found in more rows than ``recording`` has; ``faults`` sentences on the faults of
+    its run, None where nothing tells them.
     """
 
     name: str
     recording: Recording
     record: Mapping
     report: Mapping | None = None
+    faults: Sequence[str] | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class ShiftCurves:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result: names, clocks, rows of metrics and signals, curves of run and shifts, and what else differed: trips, states."""
+    """The result: names, clocks, rows of metrics and signals, curves, and what else differed: faults, trips, states."""
 
     names: list[str]
     clocks: list[Clock]
@@ -184,7 +186,7 @@ def _aligned(
 
 
 def _starts(sources: Sequence[Source], shifts_of: Sequence[Mapping[int, tuple[dict, dict]]]) -> list[str]:
-    """Return sentences on the recordings whose trips were off, and on the shifts that began differently.
+    """Return sentences on the faults of the recordings, on those whose trips were off, and on the shifts that began differently.
 
     Parameters
     ----------
@@ -194,8 +196,12 @@ def _starts(sources: Sequence[Source], shifts_of: Sequence[Mapping[int, tuple[di
         Of each one, metrics and their errors by the shift's place among those of the first one.
     """
     names = short_names([one.name for one in sources])
+    lines = []
+    if any(one.faults for one in sources):
+        told = [(name, one.faults) for name, one in zip(names, sources) if one.faults is not None]
+        lines = [f"{name}: {'; '.join(faults) or 'no fault injected'}" for name, faults in told]
     off = [without_trips({"configuration": one.record}) for one in sources]
-    lines = [f"{name}: {sentence}" for name, sentence in zip(names, off) if sentence]
+    lines += [f"{name}: {sentence}" for name, sentence in zip(names, off) if sentence]
     for number in shifts_of[0]:
         same = [(name, *found[number]) for name, found in zip(names, shifts_of) if number in found]
         lines += unlike(same, sources[0].recording.transmission, f"shift {number + 1},")

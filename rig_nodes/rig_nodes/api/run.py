@@ -26,8 +26,8 @@ from ..analysis import (
     metric_keys,
     named_metrics,
     read_report,
-    shifts_report,
     shown_transmission,
+    source_of,
     verdicts_in,
 )
 from ..bags import NO_REPORT, Rows, arrow_schema, arrow_table, on_one_clock, on_own_clocks, with_end
@@ -438,15 +438,11 @@ class Run:
 
     def source(self) -> Source:
         """Return the run as a comparison takes it; RigError for a rig without gears."""
-        bag = gather(self.folder, most_rows=MOST_ROWS)
-        bag.check_began()
-        if not bag.structure.gears:
-            raise RigError(f"{self.folder}: is of a rig without gears; runs with shifts can be compared")
         run = self.report["run"]
         seed = "" if run.get("seed") is None else f"seed {run['seed']}"
         facts = (run.get("sequence"), seed, (run.get("controller") or {}).get("name"))
         name = ", ".join(filter(None, facts)) if self._temporary else str(self.folder)
-        return Source(name, bag.thinned(), bag.record, shifts_report(bag))
+        return source_of(name, gather(self.folder, most_rows=MOST_ROWS))
 
     def __repr__(self) -> str:
         return f"{self._head}\n{self.shifts!r}" if self._gears else f"{self._head}\n{NO_GEARS}"

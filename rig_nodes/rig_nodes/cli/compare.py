@@ -69,7 +69,7 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
 
     ``faults`` takes a sentence for each thing that makes a bag another recording than its run was.
     """
-    from ..analysis import Source, gather, shifts_report
+    from ..analysis import Source, gather, source_of
     from ..bags import faults_of, is_loggers_file, read_measurement, rig_record, why_none, with_end
     from ..base import DEFAULT_RIG, RigError, no_file, quoted
     from ..rig import load_gearbox_rig, load_rig, transmission_of
@@ -82,10 +82,9 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
             raise RigError(f"{missing}: {no_file(missing)}")
         raise RigError(f"--{given[0]} is for loggers' files; runs have their own")
     bags = {run: gather(run, most_rows=MOST_ROWS // len(args.runs)) for run in args.runs if run not in files}
+    runs: dict[str, Source] = {}
     for run, bag in bags.items():
-        bag.check_began()
-        if not bag.structure.gears:
-            raise RigError(f"{run}: is of a rig without gears; runs with shifts can be compared")
+        runs[run] = source_of(run, bag)
         faults += [f"{run}: {fault}" for fault in faults_of(bag, with_end(bag, {}))]
     named = args.rig or (profile.rig if profile else None)
     if named:
@@ -96,7 +95,6 @@ def _sources(args: argparse.Namespace, faults: list[str]) -> list[Source]:
         record, named_by = bags[first].record, f"rig '{bags[first].record.get('name')}' of {first}"
     else:
         record, named_by = load_rig(DEFAULT_RIG).as_dict(), ""
-    runs = {run: Source(run, bag.thinned(), bag.record, shifts_report(bag)) for run, bag in bags.items()}
     sources = []
     for run in args.runs:
         if run in runs:
