@@ -30,7 +30,17 @@ from rig_nodes.driveline.algebra import (
     short_loops,
     sum_at,
 )
-from rig_nodes.driveline.collocation import END, MEAN, NODES, WEIGHTS, elements_by_nodes, forces_by_nodes, put_sum, solve_nodes
+from rig_nodes.driveline.collocation import (
+    END,
+    MEAN,
+    NODES,
+    WEIGHTS,
+    are_made,
+    elements_by_nodes,
+    forces_by_nodes,
+    put_sum,
+    solve_nodes,
+)
 from rig_nodes.driveline.kernel import SAME, Span, answer_forces, change_forces, ends, first_event, longest_part, start_forces, take
 from rig_nodes.driveline.laws import SHAFT
 from rig_nodes.driveline.tables import line_here, piece, value
@@ -391,10 +401,7 @@ def start_shafts(structure: Structure, laws: Laws, state: State, work: Floats, a
             kc[0, a] = math.ldexp(math.floor(LINES * mantissa + 0.5) / LINES, exponent)
         kc[1, a] = laws.damping[k] if laws.gap[k] == 0.0 or abs(x) > laws.gap[k] else 0.0
         work[at.bent + 10 * a + BEGUN], work[at.bent + 10 * a + PIECE] = height + rise * (x - point), number
-    same = True
-    for a in range(kc.shape[1]):
-        same = same and work[at.made + 2 * a] == kc[0, a] and work[at.made + 2 * a + 1] == kc[1, a]
-    if not same:
+    if not are_made(kc, work, at):
         work[1] = work[RATE_OF] = 0.0
         for a in range(kc.shape[1]):
             work[at.made + 2 * a], work[at.made + 2 * a + 1] = kc[0, a], kc[1, a]

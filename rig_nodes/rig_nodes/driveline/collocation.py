@@ -182,6 +182,15 @@ def make_bands(d: float, structure: Structure, cap: Floats, work: Floats, at: Pl
     return True
 
 
+@njit(**INLINED)
+def are_made(kc: Floats, work: Floats, at: Places) -> bool:
+    """Return whether the last matrices were made for this stiffness and damping of the shafts."""
+    same = True
+    for a in range(kc.shape[1]):
+        same = same and work[at.made + 2 * a] == kc[0, a] and work[at.made + 2 * a + 1] == kc[1, a]
+    return same
+
+
 @njit(**INNER)
 def make_nodes(d: float, structure: Structure, cap: Floats, work: Floats) -> None:
     """Compute (I + l d P C + l^2 d^2 P K)^-1 P for both eigenvalues l, the real parts above the imaginary ones."""

@@ -23,6 +23,7 @@ from rig_nodes.driveline.arrays import address, borrowed, floats, whole
 from rig_nodes.driveline.bends import bend_inside, lets_go, longest_part
 from rig_nodes.driveline.bent_shafts import only_shafts, shaft_part
 from rig_nodes.driveline.calls import address_of, bare_step, call_of, step_types
+from rig_nodes.driveline.collocation import are_made
 from rig_nodes.driveline.joint import JAMMED
 from rig_nodes.driveline.laws import GEARING, MOTION, SHAFT, Given, Laws, LawState, Model, Moving, law_state, laws_of
 from rig_nodes.driveline.lines import Lines, Part, expect, leave_lines, make_lines, worst_law
@@ -276,6 +277,17 @@ def leave_motions(
         own.work[0] += work_of(mass, structure.kc, before, state, twist0, others)
 
 
+@njit(**INLINED)
+def begin_part(room: Room, model: Model, moving: Moving) -> None:
+    """Keep what a part of a step starts from, and clear the lines."""
+    lines = room.lines
+    put(room.loss, moving.loss)
+    restore(room.before, moving.state)
+    put(lines.w, model.structure.w)
+    for k in range(lines.slope.shape[0]):
+        lines.slope[k] = lines.torque[k] = lines.other[k] = 0.0
+
+
 @njit(**INNER)
 def try_step(model: Model, given: Given, moving: Moving, part: Part, room: Room, keep: bool, cut: bool) -> float:
     """Take a part of a step and return its length d if the laws are met.
@@ -288,20 +300,9 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, room: Room,
     laws, loss, state, d = model.laws, moving.loss, moving.state, part.d
     sh, work, n = model.structure.sh, moving.state.work, moving.state.v.shape[0]
     at = places(n, state.mode.shape[0], sh.shape[0], loss.shape[0])
-    before, lines, moved, gains, pushes, mass, inverse = (
-        room.before,
-        room.lines,
-        room.moved,
-        room.gains,
-        room.lines.loads.q,
-        model.mass,
-        model.structure.minv,
-    )
-    put(room.loss, loss)
-    restore(before, state)
-    put(lines.w, model.structure.w)
-    for k in range(laws.kind.shape[0]):
-        lines.slope[k] = lines.torque[k] = lines.other[k] = 0.0
+    before, lines, moved, gains = room.before, room.lines, room.moved, room.gains
+    pushes, mass, inverse = lines.loads.q, model.mass, model.structure.minv
+    begin_part(room, model, moving)
     heavy, driven = expect(part, laws, given.factors, moving.own, before.v, lines)
     if driven:
         pushes, inverse = room.pushes, room.inverse
@@ -330,10 +331,7 @@ def try_step(model: Model, given: Given, moving: Moving, part: Part, room: Room,
             else:
                 invert(lines.held, inverse)
             work[0] = -1.0
-        same = not (heavy or driven)
-        for a in range(sh.shape[0]):
-            same = same and work[at.made + 2 * a] == lines.kc[0, a] and work[at.made + 2 * a + 1] == lines.kc[1, a]
-        if not same:
+        if heavy or driven or not are_made(lines.kc, work, at):
             work[1] = -1.0
         bare_step(model.bare, d, part.t, Structure(inverse, lines.w, sh, lines.kc), lines.loads, loss, state)
         worst = worst_law(part, model, given, moving, before, lines)
