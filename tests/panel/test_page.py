@@ -5,6 +5,7 @@
 
 import io
 import os
+import re
 import signal
 import zipfile
 from contextlib import closing
@@ -52,6 +53,8 @@ def test_a_first_shift_is_made_from_nothing_and_is_judged(page):
     )
     page.until("Number(document.querySelector('#driveline .locked.flow').dataset.power) > 100")  # the second gear's losses, in W
     assert page.text("#shift-list").startswith("1: I -> II"), "the engagement from neutral is no shift"
+    metrics = page.js("[...document.querySelectorAll('.metrics li')].map((one) => one.textContent)")
+    assert any(re.fullmatch(r"t_c .*[0-9] ± [0-9]+ ms", one) for one in metrics), "as in the report, with name and error"
     assert any(
         "locked" in text for text in page.js("[...document.querySelectorAll('#driveline text')].map((one) => one.textContent)")
     )

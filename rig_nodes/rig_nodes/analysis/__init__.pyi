@@ -34,7 +34,7 @@ from .press_bench import OF_A_RUN as OF_A_RUN, bench_lines as bench_lines, of_pr
 from .quality import FAILED as FAILED, bounds_of as bounds_of, GRADES as GRADES, POOR as POOR, quality_of as quality_of, sentence_of as sentence_of
 from .ranges import LOGGER as LOGGER, range_cells as range_cells
 from .report_text import format_report as format_report, no_shift as no_shift, not_accounted as not_accounted, numbered_way as numbered_way, shift_name as shift_name
-from .results import ENDS as ENDS, Result as Result, number as number, results_of as results_of, spread as spread, spread_cells as spread_cells, spread_lines as spread_lines
+from .results import ENDS as ENDS, Result as Result, number as number, results_of as results_of, results_of_shift as results_of_shift, spread as spread, spread_cells as spread_cells, spread_lines as spread_lines
 from .run_report import REPORT_FILE as REPORT_FILE, build_report as build_report, info_of as info_of, is_of as is_of, plain as plain, read_report as read_report, shown_transmission as shown_transmission, verdicts_in as verdicts_in, write_report as write_report
 from .run_settings import settings_of_run as settings_of_run
 from .runs_table import Member as Member, judged_members as judged_members, member_of as member_of, members_in as members_in, named_shifts as named_shifts, read_procedure as read_procedure, table_of as table_of, warnings_of as warnings_of, write_procedure as write_procedure

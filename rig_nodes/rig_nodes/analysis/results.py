@@ -107,7 +107,7 @@ def results_of(report: Mapping) -> list[Result]:
         ]
         return [*found, *signal_results(report.get("signals", ()))]
     box = shown_transmission(dict(report))
-    found = _of_shifts(report, box)
+    found = [one for number in range(1, len(report["shifts"]) + 1) for one in results_of_shift(report, number, box)]
     measured = report.get("measured") or {}
     for row in measured.get("valve_responses", ()):
         valves = " and ".join(clutch.valve_name for clutch in box.engaged(row["gear"]))
@@ -121,15 +121,15 @@ def results_of(report: Mapping) -> list[Result]:
     return found
 
 
-def _of_shifts(report: Mapping, box: Transmission) -> list[Result]:
-    found, errors = [], report.get("uncertainty", ())
-    for i, row in enumerate(report["shifts"]):
-        place = shift_name(i + 1, row, box)
-        kind = box.way(row["from_gear"], row["to_gear"], "-")
-        own = errors[i] if i < len(errors) else {}
-        for one in named_metrics():
-            values = (_times(values.get(one.key), one.factor) for values in (row, own))
-            found.append(Result(one.key, one.named(box), place, kind, one.shown_unit, one.digits, *values))
+def results_of_shift(report: Mapping, number: int, box: Transmission) -> list[Result]:
+    """Return a result for each metric with a name of a shift of a report, which counts from 1."""
+    row, errors = report["shifts"][number - 1], report.get("uncertainty", ())
+    place, kind = shift_name(number, row, box), box.way(row["from_gear"], row["to_gear"], "-")
+    own = errors[number - 1] if number <= len(errors) else {}
+    found = []
+    for one in named_metrics():
+        values = (_times(values.get(one.key), one.factor) for values in (row, own))
+        found.append(Result(one.key, one.named(box), place, kind, one.shown_unit, one.digits, *values))
     return found
 
 

@@ -37,6 +37,7 @@ from ..analysis import (
     range_text,
     reasons,
     results_of,
+    results_of_shift,
     sentence_of,
     shift_name,
     short_names,
@@ -195,7 +196,7 @@ def _shifts(report: Mapping, box: Transmission) -> list[Part]:
     rows, verdicts = report["shifts"], verdicts_in(report)
     parts: list[Part] = []
     metrics = named_metrics()
-    by_place = _by_shift(results_of(report), len(rows), len(metrics))
+    by_place = [results_of_shift(report, number, box) for number in range(1, min(len(rows), MOST_IN_TABLES) + 1)]
     judged = {(one["place"], one["key"]): one["verdict"] for one in report.get("limits") or []}
     for first in range(0, min(len(rows), MOST_IN_TABLES), ABREAST):
         part = range(first, min(first + ABREAST, len(rows), MOST_IN_TABLES))
@@ -225,10 +226,6 @@ def _shifts(report: Mapping, box: Transmission) -> list[Part]:
     known = [metric for metric in metrics if any(row.get(metric.key) is not None for row in rows[:MOST_IN_TABLES])]
     meanings = table((), [[metric.named(box), metric.text] for metric in known], "text note")  # some differ in their time only
     return [*parts, *words(notes, "note"), *meanings]
-
-
-def _by_shift(results: Sequence[Result], shifts: int, columns: int) -> list[Sequence[Result]]:
-    return [results[i * columns : (i + 1) * columns] for i in range(shifts)]
 
 
 def _cell(result: Result, judged: Mapping[tuple[str, str], str]) -> Cell:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...analysis import named_metrics, plain, verdicts_in
+from ...analysis import named_metrics, plain, results_of_shift, verdicts_in
 from ...api import Run
 from ...base import RigError
 from ...view import Envelope, Pages, draw_figure, figure_of_shift, write_figure
@@ -71,10 +71,11 @@ def told(run: Run, report: Mapping[str, Any], title: str) -> dict[str, Any]:
     row, pages = report["shifts"][-1], Pages(run.record)
     box, verdict = pages.box, verdicts_in(report)[-1] or {}
     assert box is not None
+    results = results_of_shift(report, len(report["shifts"]), box)
     metrics = [
-        {"name": one.text, "value": row[one.key] * one.factor, "unit": "" if one.unit == "-" else one.shown_unit}
-        for one in named_metrics()
-        if isinstance(row.get(one.key), (int, float)) and not isinstance(row.get(one.key), bool)
+        {"name": one.name, "what": metric.text, "value": one.text, "unit": "" if one.unit == "-" else one.unit}
+        for metric, one in zip(named_metrics(), results)
+        if one.value is not None
     ]
     return plain(
         {

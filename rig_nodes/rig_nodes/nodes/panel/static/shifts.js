@@ -1,6 +1,6 @@
 // Shifts that have ended: the figure with its verdict, metrics, and curves of several laid over each other and over a measured file.
 
-import { at, colour, fetched, make, shown } from "./link.js";
+import { at, colour, fetched, make } from "./link.js";
 import { say } from "./orders.js";
 
 const MOST = 12; // as the server keeps
@@ -85,7 +85,7 @@ export class Shifts {
     at("shift").replaceChildren(
       make("p", {}, make("strong", { class: one.grade === "good" ? "good" : ["poor", "failed"].includes(one.grade) ? "bad" : "" }, one.grade || "no verdict"), ` ${one.title}`),
       make("img", { src: `shift/${one.key}/${width}_${theme}.svg`, alt: `${one.title}: pressures, torques and speeds over time. ${reasons.join("; ")}` }),
-      make("ul", { class: "metrics" }, ...one.metrics.map(({ name, value, unit }) => make("li", {}, make("span", {}, name), make("span", {}, `${shown(value)} ${unit}`)))),
+      make("ul", { class: "metrics" }, ...one.metrics.map(({ name, what, value, unit }) => make("li", {}, make("span", {}, make("strong", {}, name), ` ${what}`), make("span", {}, `${value} ${unit}`)))),
     );
   }
 
