@@ -262,6 +262,7 @@ def test_a_cut_off_bag_is_recovered_and_metadata_beside_it_tells_what_is_lost(sa
         (["info", "no_such_bag"], "no_such_bag: there is no such file or folder"),
         (["hash", Path(__file__).parent], "holds no bag"),
         (["cut", SAMPLE, "--topics", "/motor/m_we", "--out", "OUT"], "did you mean '/motor/m_wej'"),
+        (["cut", SAMPLE, "--topics", ",", "--out", "OUT"], "--topics names none"),
         (["cut", SAMPLE, "--from", "9", "--out", "OUT"], "nothing lies between them; the bag is"),
         (["cut", SAMPLE, "--regex", "/nothing", "--out", "OUT"], "leave no topic of the bag"),
         (["merge", SAMPLE, "--out", SAMPLE], "is there already"),

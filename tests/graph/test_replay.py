@@ -398,6 +398,8 @@ def test_a_clock_that_comes_while_it_plays_ends_it(domain, user):
         ([SAMPLE, "--rate", "101"], "101 is no rate"),
         ([SAMPLE, "--start", "9"], f"the bag is {Bag(SAMPLE).timeline()[-1][0] * 1e-9:.3f} s long"),
         ([SAMPLE, "--start", "-1"], "-1 is no time"),
+        ([SAMPLE, "--start", "2", "--until", "1"], "--until 1: the replay begins at 2 s"),
+        ([SAMPLE, "--duration", "0"], "--duration 0: give a time above 0 s"),
         ([SAMPLE, "--topics", "/motor/m_we"], "topic in the bag '/motor/m_we'; did you mean '/motor/m_wej'"),
         ([SAMPLE, "--topics", "/motor/command", "--start", "1"], "nothing is left to replay after 1 s"),
         ([SAMPLE, "--clock", "0"], "0 is no frequency"),

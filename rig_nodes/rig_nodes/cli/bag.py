@@ -163,6 +163,8 @@ def chosen(held: dict[str, str], names: str | None, regex: re.Pattern | None, ex
     from ..base import RigError, unknown
 
     wanted = [name.strip() for name in (names or "").split(",") if name.strip()]
+    if names and not wanted:
+        raise RigError("--topics names none; leave it out for all topics")
     for name in wanted:
         if name not in held:
             raise RigError(f"--topics: {unknown('topic in the bag', name, held)}")

@@ -171,8 +171,12 @@ def _chosen(bag: OpenedBags, args: argparse.Namespace) -> tuple[int, int, list[s
     topics = chosen(bag.types, ",".join(args.topics or ()), args.regex, args.exclude_regex)
     begin, end = bag.time_at(args.start), bag.last + 1
     if args.duration is not None:
+        if not args.duration > 0.0:
+            raise RigError(f"--duration {args.duration:g}: give a time above 0 s")
         end = min(end, bag.time_at(args.start + args.duration))
     if args.until is not None:
+        if args.until <= args.start:
+            raise RigError(f"--until {args.until:g}: the replay begins at {args.start:g} s; give a later time")
         end = min(end, bag.time_at(args.until))
     return begin, end, topics
 
