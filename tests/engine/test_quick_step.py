@@ -80,3 +80,47 @@ def test_a_step_without_an_event_is_quick_and_agrees_with_python_alone(tmp_path,
         assert rig.true(f"{name}.torque") == pytest.approx(result.torque(name)[-1], rel=1e-6, abs=1e-5), name
     rates = plan.system.bodies_from_speeds @ rig.world.line["accel"]
     assert rates == pytest.approx(result.accelerations()[-1], rel=1e-5, abs=1e-4)
+
+
+def beside(tmp_path, text, seconds):
+    """Returns a rig of a text after some seconds, and the largest distance of its speeds from those of Python alone until then."""
+    (tmp_path / "rig.yaml").write_text(text.replace(" x]", ' "assumed"]'))
+    rig = Rig(load_rig(tmp_path, {"effects.transducers": "off"}))
+    plan = plan_of(rig.config).plan
+    run, missed = Run(plan.system, 1e-4, {name: (table.x, table.y) for name, table in plan.inputs.items()}), 0.0
+    for k in range(1, round(1000 * seconds) + 1):
+        rig.advance(0.001)
+        missed = max(missed, np.abs(plan.system.bodies_from_speeds @ rig.v - run.to(0.001 * k).speeds).max())
+    return rig, missed
+
+
+@pytest.mark.parametrize("bodies", [1, 4])
+def test_a_rig_with_nothing_but_inputs_over_time_moves_as_they_say(tmp_path, bodies):
+    """The points of the inputs lie inside of steps; each body gains the area below its input over its inertia."""
+    names = ["engine", "a", "b", "c"][:bodies]
+    text = "description: free bodies\n" + HEAD + "bodies:\n" + "".join(f"  {name}: {{inertia: [0.3 kg m2, x]}}\n" for name in names)
+    text += "inputs:\n" + "".join(f"  {name}: [[[0 s, 50 Nm], [0.01005 s, 50 Nm], [0.02005 s, 30 Nm]], x]\n" for name in names)
+    rig, missed = beside(tmp_path, text, 0.03)
+    assert rig.v == pytest.approx([(0.5025 + 0.4 + 0.2985) / 0.3] * bodies, rel=1e-9)
+    assert missed < 1e-9 and abs(rig.energy()["residual"]) < 1e-9
+
+
+def test_steps_with_points_of_inputs_between_quick_ones_are_those_of_python_alone(tmp_path):
+    """A centrifugal clutch, whose capacity has no place among the shafts, beside an input with points inside of steps."""
+    loads = ", ".join(f"[{0.01 * k + 5e-5:.5f} s, {-30 if k % 2 else -5} Nm]" for k in range(2, 9))
+    text = (
+        "description: a centrifugal clutch\n"
+        + HEAD
+        + f"""bodies:
+  engine: {{inertia: [0.03 kg m2, x]}}
+  drum: {{inertia: [0.05 kg m2, x]}}
+clutches:
+  shoes: {{joins: [engine, drum], capacity: {{of: engine, table: [[[0 rad/s, 0 Nm], [60 rad/s, 1 Nm], [70 rad/s, 140 Nm]], x]}},
+    stick: [1.2 -, x]}}
+inputs:
+  engine: [[[0 s, 40 Nm], [0.1 s, 40 Nm], [0.1 s, -20 Nm]], x]
+  drum: [[[0 s, -5 Nm], {loads}, [0.4 s, -5 Nm]], x]
+"""
+    )
+    rig, missed = beside(tmp_path, text, 0.2)
+    assert missed < 1e-8 and abs(rig.energy()["residual"]) < 1e-9 * abs(rig.energy()["torques"])

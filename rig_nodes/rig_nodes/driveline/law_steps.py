@@ -156,7 +156,7 @@ def take_parts(model: Model, given: Given, moving: Moving, room: Room, h: float,
     at = places(n, state.mode.shape[0], slots, moving.loss.shape[0])
     size, cuts, most, failed = h, 0, 6 * moving.state.mode.shape[0] + 12, 0
     # at the start of the step the shafts alone have been tried already
-    plain, tried = only_shafts(model.laws, moving.loss), done == 0.0
+    plain, tried = slots > 0 and only_shafts(model.laws, moving.loss), done == 0.0
     if done > 0.0:
         for j in range(n):
             lag[j] = state.work[at.lag + j]
@@ -413,7 +413,8 @@ def settled_step(model: Model, given: Given, moving: Moving, h: float, t: float,
     model, given, moving = borrowed(model), borrowed(given), borrowed(moving)
     if moving.loss.shape[0] > 0 and fresh:
         settle(model, given, moving, 1e-6 * h, t)
-    done = shafts_until(model, given, moving, h, 0.0) if only_shafts(model.laws, moving.loss) else 0.0
+    plain = model.structure.sh.shape[0] > 0 and only_shafts(model.laws, moving.loss)
+    done = shafts_until(model, given, moving, h, 0.0) if plain else 0.0
     if done == h:
         return int(0)
     count = moving.state.count

@@ -548,6 +548,7 @@ def quick_step(layout: Ints, h: float, t: float) -> int:
         ready = False
     ready = ready and made[1] == h and made[2] == work[0]
     made[1], made[2] = h, work[0]
+    work[1] = -1.0  # H becomes that of this step, which has slopes of laws in it
     if not solve(q, ready):
         return int(0)
     implicit_parts(q)

@@ -103,7 +103,7 @@ def invert_many(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> boo
             value = work[ov + i * m + j]
             work[ov + i * m + j] = value / work[ov + j * m + j]
             own -= value * work[ov + i * m + j]
-        if not own > SURE * top:
+        if not own > max(SURE * top, WEAK):
             return False
         work[ov + i * m + i] = own
         if i > 0:
