@@ -100,6 +100,23 @@ def test_a_long_chain_breaks_away_at_its_weakest_clutch(bodies, weakest):
     assert r.torque(weak)[np.searchsorted(r.t, 1.0)] == pytest.approx(carried, rel=1e-9) and closes(r)
 
 
+def test_clutches_hold_bodies_whose_inertias_are_ten_decades_apart():
+    """Two heavy bodies beside two light ones, and a row in which they alternate."""
+    pairs, row = Driveline(), Driveline()
+    for name, inertia in (("heavy", 1e4), ("light", 1e-6)):
+        pairs.inertia(f"{name} 1", inertia)
+        pairs.inertia(f"{name} 2", inertia)
+        pairs.clutch(name, f"{name} 1", f"{name} 2")
+    r = run(pairs.build(), 0.1, 1e-3, {"heavy": 1e5, "light": 10.0, "heavy 1": 1e4, "light 1": 1e-6})
+    assert r.speeds[-1] == pytest.approx([0.05] * 4, rel=1e-9)
+    for i, inertia in enumerate([1e5, 1e-5] * 3):
+        row.inertia(f"J{i}", inertia)
+    for i in range(5):
+        row.clutch(f"c{i}", f"J{i}", f"J{i + 1}")
+    r = run(row.build(), 0.1, 1e-3, {"J0": 1.0} | {f"c{i}": 10.0 for i in range(5)})
+    assert r.speeds[-1] == pytest.approx([0.1 / 3e5] * 6, rel=1e-5)
+
+
 def test_a_chain_of_fifty_bodies_on_shafts_runs_and_has_its_modes():
     d = Driveline()
     for i in range(50):

@@ -11,14 +11,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rig_nodes.base import INLINED, INNER, njit
-from rig_nodes.driveline.algebra import HEAD, HELD, RANK, STUCK, VISC, WEAK, eliminate, noinline, places, sum_at
+from rig_nodes.driveline.algebra import HEAD, HELD, STUCK, VISC, WEAK, eliminate, noinline, places, sum_at
 
 if TYPE_CHECKING:
     from rig_nodes.base import Floats, Ints
     from rig_nodes.driveline.algebra import Places
 
-MANY, SURE = 5, 1e-8  # stuck elements from which factors are tried; least pivot over the largest, far above RANK
+APART = 1e4  # ratio of what stuck elements give way to a torque, from which each is counted by its own
+NULL = 1e-12  # share of the largest eigenvalue up to which one counts as 0: the elements that it is of depend on each other
+MANY, SURE = 5, 1e-8  # stuck elements from which factors are tried; least pivot over the largest, far above NULL
 UNSEEN = 1e-12  # share of a speed's change in a step that a change of drag may cause before H is computed again
 REFUSED = 1e15  # Nm per rad/s2 of a slip that stuck elements cannot prevent
 NUMBERS = 7  # work[7]: numbers that sets of stuck elements have had
@@ -73,7 +77,7 @@ def pseudo_inverse(work: Floats, og: int, ov: int, oi: int, nc: int, m: int) -> 
             total = 0.0
             for p in range(nc):
                 e = work[og + p * m + p]
-                if e > max(RANK * top, WEAK):
+                if e > max(NULL * top, WEAK):
                     total += work[ov + i * m + p] * work[ov + j * m + p] / e
             work[oi + i * m + j] = total
 
@@ -142,7 +146,7 @@ def refuse(minv: Floats, w: Floats, ost: int, work: Floats, nc: int) -> None:
         if minv[u, u] != HELD:
             continue
         for p in range(nc):
-            if work[at.g + p * m + p] > max(RANK * top, WEAK):
+            if work[at.g + p * m + p] > max(NULL * top, WEAK):
                 continue
             slip, size, row = 0.0, 0.0, 0
             for f in range(m):
@@ -157,6 +161,51 @@ def refuse(minv: Floats, w: Floats, ost: int, work: Floats, nc: int) -> None:
                 if work[ost + f] == STUCK:
                     work[at.r + f * n + u] += REFUSED * HELD * work[at.vectors + row * m + p] * slip
                     row += 1
+
+
+@njit(**INLINED)
+def far_apart(minv: Floats, work: Floats, og: int, nc: int, m: int) -> bool:
+    """Return whether stuck elements move inertias so different that rounding of one hides another, and no speed is prescribed."""
+    least, most = np.inf, 0.0
+    for i in range(nc):
+        least, most = min(least, work[og + i * m + i]), max(most, work[og + i * m + i])
+    for j in range(minv.shape[0]):
+        if minv[j, j] == HELD:
+            return False
+    return most > APART * least > 0.0
+
+
+@njit(**INNER)
+def even(work: Floats, og: int, owm: int, nc: int, m: int, n: int) -> None:
+    """Divide the rows of W M^-1, and rows and columns of G, by the roots of G's diagonal, so that each element counts alike."""
+    noinline()
+    for i in range(nc):
+        own = 1.0 / math.sqrt(work[og + i * m + i])
+        for j in range(n):
+            work[owm + i * n + j] *= own
+        for j in range(nc):
+            if j != i:
+                work[og + i * m + j] *= own
+                work[og + j * m + i] *= own
+    for i in range(nc):
+        work[og + i * m + i] = 1.0
+
+
+@njit(**INNER)
+def undo_even(w: Floats, ost: int, work: Floats, nc: int) -> None:
+    """Give R and the inverse of G back the size of each of nc stuck elements that :func:`even` took."""
+    noinline()
+    m, n = w.shape
+    at, row = places(n, m, int(0), int(0)), 0
+    for f in range(m):
+        if work[ost + f] == STUCK:
+            size = 1.0 / sum_at(work, at.wm + row * n, w, f)
+            for j in range(n):
+                work[at.r + f * n + j] *= size
+            for i in range(nc):
+                work[at.inverse + row * m + i] *= size
+                work[at.inverse + i * m + row] *= size
+            row += 1
 
 
 @njit(**INLINED)
@@ -199,6 +248,9 @@ def project(minv: Floats, w: Floats, ost: int, work: Floats) -> None:
             for i in range(nc):
                 work[og + row * m + i] = sum_at(work, owm + i * n, w, f)
             row += 1
+    apart = far_apart(minv, work, og, nc, m)
+    if apart:
+        even(work, og, owm, nc, m, n)
     if nc < MANY or not invert_many(work, og, ov, oi, nc, m):
         pseudo_inverse(work, og, ov, oi, nc, m)
     for i in range(n):
@@ -215,6 +267,8 @@ def project(minv: Floats, w: Floats, ost: int, work: Floats) -> None:
                     for j in range(n):
                         work[op + i * n + j] -= work[orr + f * n + i] * work[owm + row * n + j]
             row += 1
+    if apart:
+        undo_even(w, ost, work, nc)
     for j in range(n):
         if minv[j, j] == HELD:
             refuse(minv, w, ost, work, nc)
